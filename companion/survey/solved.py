@@ -52,15 +52,24 @@ def kept_or_solved(recording: Recording) -> Flown:
         SurveyError: the drone did not fly, or the flight cannot be solved.
         CompanionError: the file cannot be written.
     """
-    path = kept_at(recording.path)
-    made_of = {"version": version("pdps-companion"), "sha256": _digest(recording.path)}
-    kept = _load(path, recording.path.name, recording.config.sensors, made_of)
+    kept = _load(recording.path, recording.config.sensors)
     if kept is not None:
         return kept
     flown = solved(recording)
-    path.parent.mkdir(exist_ok=True)
-    save_as(lambda data, file: file.write_bytes(data), _to_bytes(flown, made_of), path)
+    keep(flown, recording.path)
     return flown
+
+
+def keep(flown: Flown, recording: Path) -> None:
+    """Write a solved flight beside its recording.
+
+    Raises:
+        CompanionError: the file cannot be written.
+    """
+    path = kept_at(recording)
+    path.parent.mkdir(exist_ok=True)
+    data = _to_bytes(flown, _made_of(recording))
+    save_as(lambda content, file: file.write_bytes(content), data, path)
 
 
 def is_kept(recording: Path) -> bool:
@@ -73,9 +82,11 @@ def kept_at(recording: Path) -> Path:
     return recording.parent / FOLDER / f"{recording.stem}.npz"
 
 
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _made_of(recording: Path) -> dict[str, str]:
+    """What a result depends on."""
+    with recording.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"version": version("pdps-companion"), "sha256": digest}
 
 
 def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
@@ -102,12 +113,12 @@ def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
     return file.getvalue()
 
 
-def _load(path: Path, name: str, sensors: SensorsConfig, made_of: dict[str, str]) -> Flown | None:
+def _load(recording: Path, sensors: SensorsConfig) -> Flown | None:
     """The kept flight; None if there is none, or it is damaged or outdated."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with np.load(kept_at(recording), allow_pickle=False) as archive:
             values = json.loads(str(archive["values"]))
-            if values["made_of"] != made_of:
+            if values["made_of"] != _made_of(recording):
                 return None
             record = FlightRecord.of_ended_flight(archive["frames"], archive["hits"])
             models = Models(
@@ -116,7 +127,7 @@ def _load(path: Path, name: str, sensors: SensorsConfig, made_of: dict[str, str]
                 odometry=OdometryModel(**values["odometry"]),
             )
             return Flown(
-                name,
+                recording.name,
                 models,
                 record,
                 models.measured(record),

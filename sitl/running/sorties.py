@@ -22,11 +22,12 @@ from companion.config.settings import Config
 from companion.core.errors import SurveyError
 from companion.core.messages import FloorPlan
 from companion.earlier import EarlierFlights
-from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
+from companion.recording.recorder import NOT_RECORDED, FlightRecorder, Recorder, open_recorder
 from companion.run.console import ProgressLine
 from companion.survey.flights import Flown
 from companion.survey.folder import Pad
 from companion.survey.merge import Merged, Starts, merge
+from companion.survey.solved import keep
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions
@@ -126,19 +127,23 @@ class Sorties:
         """Fly up to `count` flights; end early when the mission is complete."""
         began_s = time.monotonic()
         for number in range(1, count + 1):
-            app = self._fly(number)
+            app, recording = self._fly(number)
             try:
-                self._flown.append(Flown.of(f"flight {number}", app))
+                flown = Flown.of(f"flight {number}", app)
             except SurveyError as error:
                 self._tell(str(error))
                 continue
+            if recording:
+                keep(flown, recording)
+            self._flown.append(flown)
             merged = merge(self._flown, Starts(PAD.sigma))
             self._earlier = merged.for_next_flight(PAD.sigma)
             yield self._scored(number, app, merged, time.monotonic() - began_s)
             if app.flight.completed:
                 return
 
-    def _fly(self, number: int) -> App:
+    def _fly(self, number: int) -> tuple[App, Path | None]:
+        """Fly; return the companion at the end, and the recording if there is one."""
         recorder: Recorder = NOT_RECORDED
         if self._out:
             recorder = open_recorder(
@@ -154,7 +159,7 @@ class Sorties:
         if self._out:
             recorder.close(app.final_floor_plan())
         self.truths.append(simulation.record)
-        return app
+        return app, recorder.path if isinstance(recorder, FlightRecorder) else None
 
     def _scored(self, number: int, app: App, merged: Merged, waited_s: float) -> Sortie:
         truths = self.truths
