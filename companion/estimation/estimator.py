@@ -130,10 +130,7 @@ class Estimator:
 
     @property
     def height_m(self) -> float:
-        """Height above the take-off point by the autopilot's estimate, m.
-
-        The autopilot flies by it.
-        """
+        """Height above the take-off point by the autopilot's estimate, by which it flies, m."""
         return self._height_m
 
     @property
