@@ -26,14 +26,29 @@ def cost(smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPri
 
     A beam that passed through a wall counts as a hit that fits no wall.
     """
-    x, wall_of, units = estimate.x, estimate.wall_of, smoother.models.ranges
-    on_walls = np.minimum(hit_residuals(x, m, wall_of, units) ** 2, UNEXPLAINED).sum()
-    on_none = _explained(x, m, np.flatnonzero(wall_of == NO_WALL), units).sum()
-    sigma_m = units.sigma_m(m.beam, m.distance_m)
-    opening_m = smoother.support.opening_m
-    through = UNEXPLAINED * passages(x, project(x, m), sigma_m, wall_of, opening_m).sum()
+    x, wall_of = estimate.x, estimate.wall_of
+    on_walls, on_none = hit_costs(smoother, x, m, wall_of)
+    through = passage_costs(smoother, x, m, wall_of).sum()
     motion = smoother.motion(x, m).squares
-    return motion + float(on_walls + on_none + through) + prior.cost(x) + WALL_COST * len(x.walls)
+    hits = float(on_walls.sum() + on_none.sum() + through)
+    return motion + hits + prior.cost(x) + WALL_COST * len(x.walls)
+
+
+def hit_costs(
+    smoother: Smoother, x: Unknowns, m: Measured, wall_of: Indices
+) -> tuple[Array, Array]:
+    """χ² of the hits on walls, and of those without a wall, each in their order."""
+    units = smoother.models.ranges
+    on_walls = np.minimum(hit_residuals(x, m, wall_of, units) ** 2, UNEXPLAINED)
+    return on_walls, _explained(x, m, np.flatnonzero(wall_of == NO_WALL), units)
+
+
+def passage_costs(smoother: Smoother, x: Unknowns, m: Measured, wall_of: Indices) -> Array:
+    """(w,): χ² of the beams that passed through each wall."""
+    sigma_m = smoother.models.ranges.sigma_m(m.beam, m.distance_m)
+    opening_m = smoother.support.opening_m
+    beams = passages(x, project(x, m), sigma_m, wall_of, opening_m)
+    return np.asarray(UNEXPLAINED * beams, dtype=np.float64)
 
 
 def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Array:

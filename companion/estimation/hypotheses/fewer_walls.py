@@ -13,7 +13,12 @@ import numpy as np
 from companion.core.arrays import Indices
 from companion.core.frames import wrap_rad
 from companion.estimation.association.merging import MAX_MERGE_GAP_M, SAME_DIRECTION_RAD
-from companion.estimation.hypotheses.chi_square import cost
+from companion.estimation.hypotheses.chi_square import (
+    WALL_COST,
+    cost,
+    hit_costs,
+    passage_costs,
+)
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.smoother import Smoother
@@ -32,19 +37,39 @@ def with_fewer_walls(
     hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)
     new = np.arange(prior.walls, walls)
     now, left, least = estimate, np.arange(walls), cost(smoother, estimate, m, prior)
+    through = passage_costs(smoother, now.x, m, now.wall_of)
     for wall in new[np.argsort(hits[new], kind="stable")]:
         before, at = now, int(np.searchsorted(left, wall))
         for other in (NO_WALL, *_in_line(before.x, at)):
             fewer = _without(before, at, other, m)
             yield
+            if _hits_cost_more(smoother, before, fewer, m, at) >= WALL_COST + through[at]:
+                continue
             if (lower := cost(smoother, fewer, m, prior)) < least:
                 now, least = fewer, lower
         if now is not before:
             left = left[left != wall]
+            through = passage_costs(smoother, now.x, m, now.wall_of)
     if now is estimate:
         return estimate
     solution = smoother.step(now.x, m, now.wall_of, prior)
     return Estimate(now.x, now.wall_of, solution)
+
+
+def _hits_cost_more(
+    smoother: Smoother, before: Estimate, after: Estimate, m: Measured, wall: int
+) -> float:
+    """How much more the hits of a wall cost without it.
+
+    It is the least that the map costs more, apart from the wall itself and beams through it.
+    """
+    own = before.wall_of == wall
+    part = m.with_hits(own)
+    more = [
+        sum(float(costs.sum()) for costs in hit_costs(smoother, each.x, part, each.wall_of[own]))
+        for each in (before, after)
+    ]
+    return more[1] - more[0]
 
 
 def _in_line(x: Unknowns, wall: int) -> Iterator[int]:

@@ -13,6 +13,7 @@ the length of the chain.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise, starmap
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -93,9 +94,15 @@ class Gaussian:
 class BorderedSystem:
     """Collects the normal equations, row by row of the Jacobian."""
 
-    def __init__(self, chained: int, shared: int, bandwidth: int) -> None:
-        """`bandwidth`: largest distance of coupled unknowns in the chain."""
+    def __init__(
+        self, chained: int, shared: int, bandwidth: int, begins: Sequence[int] = (0,)
+    ) -> None:
+        """`bandwidth`: largest distance of coupled unknowns in the chain.
+
+        `begins`: first unknowns of parts of the chain that nothing couples with those before.
+        """
         self._chained, self._shared, self._band = chained, shared, bandwidth
+        self._begins = tuple(begins)
         self._a = Sums(bandwidth * chained)
         self._b = Sums(chained * shared)
         self._c = Sums(shared * shared)
@@ -141,21 +148,37 @@ class BorderedSystem:
 
     def solve(self) -> "Solution":
         """The Gauss-Newton step with its covariance."""
-        a, b, c, a_gradient, b_gradient = self._totals()
-        factor = cholesky_banded(a, lower=True)
-        solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
-        a_inverse_b, a_inverse_gradient = solved[:, :-1], solved[:, -1]
-        covariance = np.linalg.inv(c - b.T @ a_inverse_b)
-        shared = -covariance @ (b_gradient - b.T @ a_inverse_gradient)
-        chained = -a_inverse_gradient - a_inverse_b @ shared
-        return Solution(chained, shared, covariance, factor, a_inverse_b)
+        schur, gradient, blocks = self._eliminated()
+        covariance = np.asarray(np.linalg.inv(schur), dtype=np.float64)
+        shared = -covariance @ gradient
+        chained = np.concatenate([block.step(shared) for block in blocks])
+        return Solution(chained, shared, covariance, blocks[-1])
 
     def of_shared(self) -> tuple[Array, Array]:
         """S (s, s) and the gradient (s,) of the shared unknowns, with the poses integrated out."""
+        schur, gradient, _ = self._eliminated()
+        return schur, gradient
+
+    def _eliminated(self) -> tuple[Array, Array, list["_Block"]]:
+        """S, the gradient of the shared unknowns, and the blocks of the chain.
+
+        No motion couples two flights, and a flight has residuals with some of the shared unknowns
+        only. So each flight is solved alone, with the columns of B that are not zero.
+        """
         a, b, c, a_gradient, b_gradient = self._totals()
-        factor = cholesky_banded(a, lower=True)
-        solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
-        return c - b.T @ solved[:, :-1], b_gradient - b.T @ solved[:, -1]
+        schur, gradient = c.copy(), b_gradient.copy()
+        blocks = []
+        for rows in starmap(slice, pairwise((*self._begins, self._chained))):
+            columns = np.flatnonzero(b[rows].any(axis=0))
+            coupling = b[rows, columns]
+            factor = cholesky_banded(a[:, rows], lower=True)
+            right = np.column_stack([coupling, a_gradient[rows]])
+            solved = cho_solve_banded((factor, True), right)
+            block = _Block(factor, columns, solved[:, :-1], solved[:, -1])
+            schur[np.ix_(columns, columns)] -= coupling.T @ block.a_inverse_b
+            gradient[columns] -= coupling.T @ block.a_inverse_gradient
+            blocks.append(block)
+        return schur, gradient, blocks
 
     def marginal_of_last(self, count: int) -> Gaussian:
         """Gaussian of the chain's last unknowns and all shared ones, the others integrated out."""
@@ -191,6 +214,25 @@ class BorderedSystem:
 
 
 @dataclass(frozen=True, slots=True)
+class _Block:
+    """A part of the chain that nothing couples with the others, solved."""
+
+    factor: Array
+    """Cholesky factor of its part of A."""
+    columns: Indices
+    """(c,): shared unknowns with which it has residuals."""
+    a_inverse_b: Array
+    """(rows, c)."""
+    a_inverse_gradient: Array
+    """(rows,)."""
+
+    def step(self, shared: Array) -> Array:
+        """(rows,): step of its unknowns."""
+        step: Array = -self.a_inverse_gradient - self.a_inverse_b @ shared[self.columns]
+        return step
+
+
+@dataclass(frozen=True, slots=True)
 class Solution:
     """One step and its covariance."""
 
@@ -200,8 +242,7 @@ class Solution:
     """(shared,): y in the module's docstring."""
     shared_covariance: Array
     """S⁻¹, (shared, shared)."""
-    _a_factor: Array
-    _a_inverse_b: Array
+    _last: _Block
 
     def covariance_of_last(self, count: int) -> Array:
         """Covariance of the last `count` unknowns of the chain and all shared ones.
@@ -209,10 +250,11 @@ class Solution:
         Shape (count + shared, count + shared). By the inverse of a block matrix: A⁻¹ + F S⁻¹ Fᵀ,
         and -F S⁻¹ beside it, F = A⁻¹ B.
         """
-        units = np.zeros((len(self.chained), count))
+        units = np.zeros((len(self._last.a_inverse_gradient), count))
         units[-count:] = np.eye(count)
-        a_inverse = cho_solve_banded((self._a_factor, True), units)[-count:]
-        coupling = self._a_inverse_b[-count:]
+        a_inverse = cho_solve_banded((self._last.factor, True), units)[-count:]
+        coupling = np.zeros((count, len(self.shared)))
+        coupling[:, self._last.columns] = self._last.a_inverse_b[-count:]
         beside = -coupling @ self.shared_covariance
         return np.block(
             [[a_inverse - beside @ coupling.T, beside], [beside.T, self.shared_covariance]]

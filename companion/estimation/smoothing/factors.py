@@ -73,8 +73,10 @@ class Models:
         return variance
 
 
-def new_system(x: Unknowns) -> BorderedSystem:
-    return BorderedSystem(x.poses.size, x.calibration.size + x.walls.size, 2 * POSE_SIZE)
+def new_system(x: Unknowns, m: Measured) -> BorderedSystem:
+    begins = [POSE_SIZE * frame for frame in m.begins]
+    shared = x.calibration.size + x.walls.size
+    return BorderedSystem(x.poses.size, shared, 2 * POSE_SIZE, begins)
 
 
 def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:

@@ -222,7 +222,7 @@ class Smoother:
 
     def motion(self, x: Unknowns, m: Measured) -> BorderedSystem:
         """Odometry and gyro factors alone."""
-        system = factors.new_system(x)
+        system = factors.new_system(x, m)
         factors.add_odometry(system, x, m, self.models.odometry)
         factors.add_wander(system, x, m, self.models.odometry)
         factors.add_gyro(system, x, m, self.models)
