@@ -40,6 +40,9 @@ class Sums:
 
     BATCH = 200_000
     """Values are summed after this many, which bounds the memory. Chosen."""
+    SPARSE = 10
+    """Sums for each value from which values are added one by one. Chosen: an array of all sums is then
+    slower, and as large as the border of all flights."""
 
     def __init__(self, size: int) -> None:
         self._total = np.zeros(size)
@@ -62,7 +65,10 @@ class Sums:
 
     def _add_up(self) -> None:
         places, values = np.concatenate(self._places), np.concatenate(self._values)
-        self._total += np.bincount(places, values, len(self._total))
+        if len(self._total) > self.SPARSE * len(values):
+            np.add.at(self._total, places, values)
+        else:
+            self._total += np.bincount(places, values, len(self._total))
         self._places, self._values, self._pending = [], [], 0
 
 
