@@ -41,8 +41,8 @@ class Sums:
     BATCH = 200_000
     """Values are summed after this many, which bounds the memory. Chosen."""
     SPARSE = 10
-    """Sums for each value from which values are added one by one. Chosen: an array of all sums is then
-    slower, and as large as the border of all flights."""
+    """Sums for each value from which values are added one by one. Chosen: an array of all sums is
+    slower then, and as large as the border of all flights."""
 
     def __init__(self, size: int) -> None:
         self._total = np.zeros(size)
