@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -38,11 +39,33 @@ def save_page(text: str, path: Path) -> None:
         raise OutputError(f"{path}: {error.strerror}") from error
 
 
-def filled(template: str, **parts: str) -> str:
-    """A page from a template of this package, with the common style."""
-    folder = files("companion.report")
-    text, style = ((folder / name).read_text(encoding="utf-8") for name in (template, "page.css"))
-    return Template(text).substitute(style=style, **parts)
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What stands at the top of a page."""
+
+    title: str
+    result: str
+    is_good: bool
+    facts: Sequence[tuple[str, str]]
+    """Names and values."""
+
+
+def filled(template: str, head: Head, **parts: str) -> str:
+    """A page with the body of a template of this package; `parts` are HTML."""
+    body = Template(_text(template)).substitute(parts)
+    facts = (f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in head.facts)
+    return Template(_text("page.html")).substitute(
+        style=_text("page.css"),
+        title=escape(head.title),
+        result=escape(head.result),
+        result_class="good" if head.is_good else "bad",
+        facts="".join(facts),
+        body=body,
+    )
+
+
+def _text(name: str) -> str:
+    return (files("companion.report") / name).read_text(encoding="utf-8")
 
 
 def report_page(recording: Recording, found: Survey, title: str) -> str:
@@ -50,12 +73,10 @@ def report_page(recording: Recording, found: Survey, title: str) -> str:
     end_s = recording.ticks[-1].now_s if recording.ticks else 0.0
     activities = spans(recording.phases, end_s)
     result = ending(recording)
+    head = Head(title, result, result == "mission complete", _facts(recording, found, end_s))
     return filled(
-        "page.html",
-        title=escape(title),
-        result=escape(result),
-        result_class="good" if result == "mission complete" else "bad",
-        facts=_facts(recording, found, end_s),
+        "flight.html",
+        head,
         plan=plan_picture(found, activities, recording.faults),
         rooms=rooms_table(found),
         walls=walls_table(found.plan),
@@ -71,12 +92,12 @@ def report_page(recording: Recording, found: Survey, title: str) -> str:
     )
 
 
-def _facts(recording: Recording, found: Survey, end_s: float) -> str:
+def _facts(recording: Recording, found: Survey, end_s: float) -> list[tuple[str, str]]:
     plan = found.plan
     length_m = sum(wall.length_m for wall in plan.walls)
     sigma_m = sum(wall.length_m * wall.sigma_m for wall in plan.walls) / (length_m or 1.0)
     mission, sensors = recording.config.mission, recording.config.sensors
-    facts = [
+    return [
         ("mission", f"{mission.kind}, {mission.speed_m_s:g} m/s at {mission.height_m:g} m"),
         ("range sensors", f"{len(sensors.channels)} × {sensors.profile}"),
         ("recorded", f"{end_s:.0f} s"),
@@ -88,12 +109,6 @@ def _facts(recording: Recording, found: Survey, end_s: float) -> str:
         ("outline mapped", f"{100 * outline_seen(plan):.0f} % of all directions"),
         ("faults", f"{sum(not fault.is_over for fault in recording.faults)}"),
     ]
-    return facts_list(facts)
-
-
-def facts_list(facts: Sequence[tuple[str, str]]) -> str:
-    """Names and values."""
-    return "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
 
 
 def rooms_table(found: Survey) -> str:

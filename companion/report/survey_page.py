@@ -11,7 +11,7 @@ from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
 from companion.report.numbers import ending
 from companion.report.page import (
-    facts_list,
+    Head,
     filled,
     openings_table,
     rooms_table,
@@ -37,13 +37,16 @@ def write_survey_report(
         OutputError: the file cannot be written.
     """
     found, pieces = survey(merged.plan), pieces_added(merged)
-    title = f"Survey {folder.name}"
+    is_complete = not left.places_ne_m
+    head = Head(
+        f"Survey {folder.name}",
+        "complete" if is_complete else left.in_words(),
+        is_complete,
+        _facts(merged, recordings, found, left),
+    )
     text = filled(
         "survey.html",
-        title=escape(title),
-        result=escape("complete" if not left.places_ne_m else left.in_words()),
-        result_class="good" if not left.places_ne_m else "bad",
-        facts=_facts(merged, recordings, found, left),
+        head,
         plan=_plan_picture(merged, found, pieces, left),
         flights=_flights(merged, recordings, pieces),
         left_out=table(
@@ -60,21 +63,21 @@ def write_survey_report(
     save_page(text, path)
 
 
-def _facts(merged: Merged, recordings: Sequence[Recording], found: Survey, left: Left) -> str:
+def _facts(
+    merged: Merged, recordings: Sequence[Recording], found: Survey, left: Left
+) -> list[tuple[str, str]]:
     walls = merged.plan.walls
     length_m = sum(wall.length_m for wall in walls)
     sigma_m = sum(wall.length_m * wall.sigma_m for wall in walls) / (length_m or 1.0)
-    return facts_list(
-        [
-            ("flights", f"{len(merged.flights)}"),
-            ("recorded", f"{sum(map(_recorded_s, recordings)) / 60:.1f} min"),
-            ("walls", f"{len(walls)}, {length_m:.1f} m"),
-            ("wall uncertainty", f"± {100 * sigma_m:.1f} cm (1 σ)"),
-            ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
-            ("places left", f"{len(left.places_ne_m)}"),
-            ("edge to unseen space", f"{left.edge_m:.1f} m"),
-        ]
-    )
+    return [
+        ("flights", f"{len(merged.flights)}"),
+        ("recorded", f"{sum(map(_recorded_s, recordings)) / 60:.1f} min"),
+        ("walls", f"{len(walls)}, {length_m:.1f} m"),
+        ("wall uncertainty", f"± {100 * sigma_m:.1f} cm (1 σ)"),
+        ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
+        ("places left", f"{len(left.places_ne_m)}"),
+        ("edge to unseen space", f"{left.edge_m:.1f} m"),
+    ]
 
 
 def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[AddedPiece]) -> str:
