@@ -144,6 +144,7 @@ class App:
     def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
         self._config = config
         self._earlier = earlier
+        self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
@@ -338,12 +339,11 @@ class App:
 
     def sketch(self) -> Sketch:
         """Return the present map for the viewer; takes a few milliseconds."""
-        earlier = self._earlier.segments() if self._earlier else ()
         if self.estimator is None:
-            return Sketch(earlier_walls=earlier)
+            return Sketch(earlier_walls=self._earlier_walls)
         traced = self.estimator.so_far()
         sketched = traced.thinned(MAX_SKETCHED)
-        return Sketch(_segments(traced), *sketched, self._ceiling.height_m, earlier)
+        return Sketch(_segments(traced), *sketched, self._ceiling.height_m, self._earlier_walls)
 
     def _drawn_up(self, traced: SolvedFlight) -> FloorPlan:
         return FloorPlan(

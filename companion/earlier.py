@@ -16,7 +16,7 @@ from companion.core.arrays import Array, Indices
 from companion.core.errors import SurveyError
 from companion.core.messages import WallSegment
 from companion.estimation.smoothing.estimate import EarlierWalls
-from companion.estimation.smoothing.state import normals_of, tangents_of
+from companion.estimation.smoothing.state import place_on
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.grid_planner import START_NE_M
 from companion.pdps.explore import Explore
@@ -42,13 +42,9 @@ class EarlierFlights:
     def segments(self) -> tuple[WallSegment, ...]:
         """The walls from their first to their last hit, for display."""
         lines, reach_m, covariance = self.walls.walls, self.walls.reach_m, self.walls.covariance
-        feet, tangents = lines[:, 1:] * normals_of(lines), tangents_of(lines)
         segments = []
         for wall, (low_m, high_m) in enumerate(reach_m.tolist()):
-            (start, end) = (
-                (float(north_m), float(east_m))
-                for north_m, east_m in (feet[wall] + at * tangents[wall] for at in (low_m, high_m))
-            )
+            start, end = (place_on(lines[wall], along_m) for along_m in (low_m, high_m))
             own = slice(2 * wall, 2 * wall + 2)
             across = np.array(
                 [-(low_m + high_m) / 2, 1.0]

@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from companion.export.map_files import save_as
-from sitl.bench.missions import Flown, Job
-from sitl.bench.parallel import fly_and_show
+from sitl.bench.missions import Flown, Job, fly_and_show
 from sitl.bench.sets import jobs_for
 from sitl.bench.sheet import draw_sheet
 from sitl.bench.summary import summarise

@@ -14,8 +14,7 @@ from statistics import mean
 
 import tomlkit
 
-from sitl.bench.missions import Job
-from sitl.bench.parallel import fly_and_show
+from sitl.bench.missions import Job, fly_and_show
 from sitl.running.options import Autopilot, FlightOptions
 from sitl.scoring.report import Report
 

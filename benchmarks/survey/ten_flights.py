@@ -18,6 +18,7 @@ from companion.app import App, Inputs, Outputs
 from companion.config import settings
 from companion.config.settings import Config
 from companion.earlier import EarlierFlights
+from companion.safety.health.lateness import TICK_S
 from companion.survey.flights import Flown
 from companion.survey.folder import Pad
 from companion.survey.merge import Merged, Starts, merge
@@ -27,8 +28,10 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
-WORLD, LIMIT_S, KNOWN = "complex", 380.0, 5
-TICKS_PER_S = 20
+WORLD, LIMIT_S = "complex", 380.0
+"""World, and time limit of a flight, s. Chosen: ten flights last about an hour."""
+KNOWN = 5
+"""Flights that the last one knows. Chosen."""
 
 
 class TimedApp(App):
@@ -79,7 +82,7 @@ def main() -> None:
         flown.append(Flown.of(f"flight {number}", app))
         alone_s = time.process_time() - began_s
         print(
-            f"flight {number}: {len(app.took_s) / TICKS_PER_S:.0f} s, alone {alone_s:.1f} s",
+            f"flight {number}: {len(app.took_s) * TICK_S:.0f} s, alone {alone_s:.1f} s",
             flush=True,
         )
     flown_s = sum(float(np.sum(each.m.dt_s)) for each in flown)
@@ -91,7 +94,7 @@ def main() -> None:
     )
     earlier = joint(flown[:KNOWN])[0].for_next_flight(Pad().sigma)
     took = np.array(fly(count + 1, earlier).took_s)
-    per_s = 1000 * took.sum() * TICKS_PER_S / len(took)
+    per_s = 1000 * took.mean() / TICK_S
     print(f"with {KNOWN} earlier flights: {per_s:.0f} ms for each second of flight")
     print(
         f"a tick: median {1000 * np.median(took):.1f}, 99 % {1000 * np.percentile(took, 99):.1f} ms"

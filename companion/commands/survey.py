@@ -1,4 +1,4 @@
-"""Shows and exports the joint map of a survey: `companion survey`; runs on a laptop."""
+"""Shows, exports and reports the joint map of a survey: `companion survey`; runs on a laptop."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -74,18 +74,19 @@ def survey_command(
 
 def _table(survey: "Survey", joint: "SurveyMap") -> Table:
     """A row for each flight: when, how long, how it ended, what it added."""
-    from companion.survey.added import walls_added_m  # noqa: PLC0415 - not for the drone
+    from companion.report.numbers import recorded_s  # noqa: PLC0415 - not for the drone
+    from companion.survey.added import pieces_added, walls_added_m  # noqa: PLC0415
 
     table = Table(title=f"survey {survey.folder}", title_justify="left")
     for column in ("flight", "time", "ended", "off the pad", "walls added"):
         table.add_column(column)
-    added_m = walls_added_m(joint.merged)
+    added_m = walls_added_m(pieces_added(joint.merged), len(joint.merged.flights))
     for flight, recording, wall_m in zip(
         joint.merged.flights, joint.recordings, added_m, strict=True
     ):
         ended = recording.phases[-1] if recording.phases else None
         state = (ended.trouble or ended.activity) if ended else "cut short"
-        flown_s = recording.ticks[-1].now_s - recording.ticks[0].now_s if recording.ticks else 0.0
+        flown_s = recorded_s(recording)
         north_m, east_m, _ = flight.start.tolist()
         off_cm = 100 * (north_m**2 + east_m**2) ** 0.5
         table.add_row(flight.name, f"{flown_s:.0f} s", state, f"{off_cm:.0f} cm", f"{wall_m:.1f} m")

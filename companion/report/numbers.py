@@ -64,6 +64,12 @@ def ending(recording: Recording) -> str:
     return f"{last.activity}: {last.trouble}" if last.trouble else last.activity
 
 
+def recorded_s(recording: Recording) -> float:
+    """Time from the first recorded tick to the last, s."""
+    ticks = recording.ticks
+    return ticks[-1].now_s - ticks[0].now_s if ticks else 0.0
+
+
 def beam_uses(recording: Recording) -> list[BeamUse]:
     """Shares of reading states, for each range sensor in the recording."""
     counts: dict[Beam, dict[RangeState, int]] = {}
@@ -75,6 +81,12 @@ def beam_uses(recording: Recording) -> list[BeamUse]:
         BeamUse(beam, {state: count / sum(mine.values()) for state, count in mine.items()})
         for beam, mine in counts.items()
     ]
+
+
+def walls_mapped(plan: FloorPlan) -> tuple[float, float]:
+    """Length of all walls, m, and their mean sigma by length, m."""
+    length_m = sum(wall.length_m for wall in plan.walls)
+    return length_m, sum(wall.length_m * wall.sigma_m for wall in plan.walls) / (length_m or 1.0)
 
 
 def flown_m(plan: FloorPlan) -> float:

@@ -13,7 +13,15 @@ from companion.core.errors import OutputError
 from companion.core.messages import FloorPlan, RangeState
 from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
-from companion.report.numbers import Span, beam_uses, ending, flown_m, outline_seen, spans
+from companion.report.numbers import (
+    Span,
+    beam_uses,
+    ending,
+    flown_m,
+    outline_seen,
+    spans,
+    walls_mapped,
+)
 from companion.report.pictures import plan_picture, plots_picture, timeline_picture
 
 
@@ -78,9 +86,7 @@ def report_page(recording: Recording, found: Survey, title: str) -> str:
         "flight.html",
         head,
         plan=plan_picture(found, activities, recording.faults),
-        rooms=rooms_table(found),
-        walls=walls_table(found.plan),
-        openings=openings_table(found),
+        tables=map_tables(found),
         timeline=timeline_picture(activities, recording.faults),
         activities=_activities(activities),
         faults=_faults(recording),
@@ -94,8 +100,7 @@ def report_page(recording: Recording, found: Survey, title: str) -> str:
 
 def _facts(recording: Recording, found: Survey, end_s: float) -> list[tuple[str, str]]:
     plan = found.plan
-    length_m = sum(wall.length_m for wall in plan.walls)
-    sigma_m = sum(wall.length_m * wall.sigma_m for wall in plan.walls) / (length_m or 1.0)
+    length_m, sigma_m = walls_mapped(plan)
     mission, sensors = recording.config.mission, recording.config.sensors
     return [
         ("mission", f"{mission.kind}, {mission.speed_m_s:g} m/s at {mission.height_m:g} m"),
@@ -111,19 +116,30 @@ def _facts(recording: Recording, found: Survey, end_s: float) -> list[tuple[str,
     ]
 
 
-def rooms_table(found: Survey) -> str:
+def map_tables(found: Survey) -> str:
+    """Walls, rooms and openings beside each other."""
+    tables = (
+        ("Walls", _walls(found.plan)),
+        ("Rooms", _rooms(found)),
+        ("Openings", _openings(found)),
+    )
+    sections = (f"<section><h3>{name}</h3>{rows}</section>\n" for name, rows in tables)
+    return f'<div class="side">\n{"".join(sections)}</div>'
+
+
+def _rooms(found: Survey) -> str:
     rows = [(room.name, f"{room.area_m2:.2f} m²") for room in found.rooms]
     return table(("room", "area"), rows, "no closed room: too many walls are missing")
 
 
-def openings_table(found: Survey) -> str:
+def _openings(found: Survey) -> str:
     rows = [
         (f"{gap.width_m:.2f} m", _place(gap.start_ne_m, gap.end_ne_m)) for gap in found.openings
     ]
     return table(("opening", "from – to (north, east), m"), rows, "no opening detected")
 
 
-def walls_table(plan: FloorPlan) -> str:
+def _walls(plan: FloorPlan) -> str:
     rows = [
         (
             f"{number}",

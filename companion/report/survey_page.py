@@ -9,18 +9,10 @@ from companion.core.figures import Axes, Figure, LineCollection, rc_context
 from companion.core.frames import Vector2
 from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
-from companion.report.numbers import ending
-from companion.report.page import (
-    Head,
-    filled,
-    openings_table,
-    rooms_table,
-    save_page,
-    table,
-    walls_table,
-)
+from companion.report.numbers import ending, recorded_s, walls_mapped
+from companion.report.page import Head, filled, map_tables, save_page, table
 from companion.report.pictures import INK, ROOM, STYLE, svg
-from companion.survey.added import CELL_M, AddedPiece, pieces_added
+from companion.survey.added import AddedPiece, pieces_added, walls_added_m
 from companion.survey.left import Left
 from companion.survey.merge import Merged
 
@@ -55,9 +47,7 @@ def write_survey_report(
             "every flight is in the map",
         ),
         changes=_changes(merged),
-        walls=walls_table(found.plan),
-        rooms=rooms_table(found),
-        openings=openings_table(found),
+        tables=map_tables(found),
         folder=escape(folder.name),
     )
     save_page(text, path)
@@ -67,11 +57,10 @@ def _facts(
     merged: Merged, recordings: Sequence[Recording], found: Survey, left: Left
 ) -> list[tuple[str, str]]:
     walls = merged.plan.walls
-    length_m = sum(wall.length_m for wall in walls)
-    sigma_m = sum(wall.length_m * wall.sigma_m for wall in walls) / (length_m or 1.0)
+    length_m, sigma_m = walls_mapped(merged.plan)
     return [
         ("flights", f"{len(merged.flights)}"),
-        ("recorded", f"{sum(map(_recorded_s, recordings)) / 60:.1f} min"),
+        ("recorded", f"{sum(map(recorded_s, recordings)) / 60:.1f} min"),
         ("walls", f"{len(walls)}, {length_m:.1f} m"),
         ("wall uncertainty", f"± {100 * sigma_m:.1f} cm (1 σ)"),
         ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
@@ -81,7 +70,7 @@ def _facts(
 
 
 def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[AddedPiece]) -> str:
-    added = [piece.flight for piece in pieces]
+    added_m = walls_added_m(pieces, len(merged.flights))
     rows = []
     for number, (flight, recording) in enumerate(zip(merged.flights, recordings, strict=True)):
         north_m, east_m, _ = flight.start.tolist()
@@ -89,10 +78,10 @@ def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[A
             (
                 f"{number + 1}",
                 flight.name,
-                f"{_recorded_s(recording):.0f} s",
+                f"{recorded_s(recording):.0f} s",
                 ending(recording),
                 f"{100 * float((north_m**2 + east_m**2) ** 0.5):.0f} cm",
-                f"{CELL_M * added.count(number):.1f} m",
+                f"{added_m[number]:.1f} m",
                 f"{flight.shared_walls}",
             )
         )
@@ -117,11 +106,6 @@ def _place(place_ne_m: Vector2) -> str:
     return f"({place_ne_m[0]:.2f}, {place_ne_m[1]:.2f})"
 
 
-def _recorded_s(recording: Recording) -> float:
-    ticks = recording.ticks
-    return ticks[-1].now_s - ticks[0].now_s if ticks else 0.0
-
-
 def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], left: Left) -> str:
     """Draw walls by the flight that detected them first, paths, changes and what is left."""
     colours = list(islice(cycle(COLOURS), len(merged.flights)))
@@ -132,13 +116,10 @@ def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], l
         axes.set_ylabel("north (first heading), m")
         for room in found.rooms:
             axes.fill([e for _, e in room.outline_ne_m], [n for n, _ in room.outline_ne_m], ROOM)
-        ends_s = [flight.later_s for flight in merged.flights[1:]]
+        of_flight = merged.flight_of([pose.time_s for pose in merged.plan.path])
         for number, colour in enumerate(colours):
-            path = [
-                pose.ne_m
-                for pose in merged.plan.path
-                if sum(pose.time_s >= end_s for end_s in ends_s) == number
-            ]
+            poses = zip(merged.plan.path, of_flight, strict=True)
+            path = [pose.ne_m for pose, flight in poses if flight == number]
             walls = [
                 [piece.start_ne_m, piece.end_ne_m] for piece in pieces if piece.flight == number
             ]

@@ -1,10 +1,10 @@
 """Finds which flight of a survey detected each piece of wall first."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from companion.core.frames import Vector2
+from companion.estimation.smoothing.state import place_on
 from companion.survey.merge import Merged
 
 CELL_M = 0.25
@@ -22,25 +22,22 @@ class AddedPiece:
 
 def pieces_added(merged: Merged) -> list[AddedPiece]:
     """All pieces of the joint map's walls."""
-    ends_s = [flight.later_s for flight in merged.flights[1:]]
-    of_flight = np.searchsorted(ends_s, [hit.time_s for hit in merged.plan.hits], side="right")
+    hits, x = merged.plan.hits, merged.estimate.x
     first: dict[tuple[int, int], int] = {}
-    x = merged.estimate.x
-    tangents, feet = x.tangents, x.walls[:, 1:] * x.normals
-    for flight, hit in zip(of_flight.tolist(), merged.plan.hits, strict=True):
+    tangents = x.tangents
+    for flight, hit in zip(merged.flight_of([hit.time_s for hit in hits]), hits, strict=True):
         if hit.wall is None:
             continue
         along_m = float(tangents[hit.wall] @ hit.position_ned_m[:2])
         first.setdefault((hit.wall, int(along_m // CELL_M)), flight)
     pieces = []
     for (wall, cell), flight in first.items():
-        ends = (feet[wall] + CELL_M * at * tangents[wall] for at in (cell, cell + 1))
-        start, end = ((float(north_m), float(east_m)) for north_m, east_m in ends)
+        start, end = (place_on(x.walls[wall], CELL_M * at) for at in (cell, cell + 1))
         pieces.append(AddedPiece(flight, start, end))
     return pieces
 
 
-def walls_added_m(merged: Merged) -> list[float]:
+def walls_added_m(pieces: Sequence[AddedPiece], flights: int) -> list[float]:
     """For each flight, the length of wall that it detected first, m."""
-    flights = [piece.flight for piece in pieces_added(merged)]
-    return [CELL_M * flights.count(number) for number in range(len(merged.flights))]
+    first = [piece.flight for piece in pieces]
+    return [CELL_M * first.count(number) for number in range(flights)]

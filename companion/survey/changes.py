@@ -19,7 +19,7 @@ from companion.estimation.association.pruning import Support
 from companion.estimation.association.see_through import Crossings
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, place_on, project
 
 PIECE_M = 0.25
 """Greatest length of a piece of wall, m. Chosen: a flight along a wall has a dozen hits on it."""
@@ -75,9 +75,7 @@ def changes(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Ch
             wall, low_m, high_m = pieces.wall[run[0]], pieces.low_m[run[0]], pieces.high_m[run[-1]]
             if high_m - low_m < MIN_CHANGED_M:
                 continue
-            foot = x.walls[wall, 1] * x.normals[wall]
-            ends = (foot + along_m * x.tangents[wall] for along_m in (low_m, high_m))
-            start, end = ((float(north_m), float(east_m)) for north_m, east_m in ends)
+            start, end = (place_on(x.walls[wall], along_m) for along_m in (low_m, high_m))
             listed.append(Change(new, int(since[run[0]]), start, end))
             if not new:
                 kept[seen.hit[np.isin(seen.stopped, run)]] = NO_WALL

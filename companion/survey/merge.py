@@ -69,6 +69,12 @@ class Merged:
     changes: tuple[Change, ...] = ()
     """What has changed between the flights."""
 
+    def flight_of(self, time_s: Sequence[float]) -> list[int]:
+        """Number of the flight, from 0, at each time of the joint map."""
+        begins_s = [flight.later_s for flight in self.flights[1:]]
+        numbers: list[int] = np.searchsorted(begins_s, time_s, side="right").tolist()
+        return numbers
+
     def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
         """What a new flight from the pad has to know; `pad_sigma` as in `Starts`."""
         x, solution = self.estimate.x, self.estimate.solution

@@ -1,6 +1,6 @@
 """Solves the flights of recordings, each alone, and keeps the results in files.
 
-To solve a flight, its recording is replayed, which takes a sixtieth of the time of the flight. The
+To solve a flight, its recording is replayed. That takes most of the time of a joint map, so the
 result is kept in a NumPy archive beside the recording. It is used again while the recording and the
 program's version are the same.
 """

@@ -138,7 +138,7 @@ def missions(
 ) -> None:
     """Fly many missions on all cores; report how many are completed, and the scores."""
     from companion.export.map_files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
-    from sitl.bench.parallel import fly_and_show  # noqa: PLC0415
+    from sitl.bench.missions import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.summary import show, sum_up  # noqa: PLC0415

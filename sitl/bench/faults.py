@@ -15,6 +15,7 @@ from companion.core.errors import OutputError
 from companion.export.map_files import AutoSave, load_json, save_as, save_json
 from companion.pdps.flight.state import FINAL_PHASES, Phase
 from sitl.bench.fault_cases import Case, draw_case
+from sitl.bench.parallel import attempted
 from sitl.scoring.report import Report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, Simulation
@@ -92,12 +93,13 @@ class SafetyMonitor:
 
 def fly(job: FaultJob) -> FaultFlown:
     """Fly; an exception becomes a row of the results."""
+    return attempted(job, _flown, lost)
+
+
+def _flown(job: FaultJob) -> FaultFlown:
     case = draw_case(job.seed, job.number)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            return FaultFlown({**_key(case), **_fly(case, Path(folder))})
-    except Exception as error:  # one failed flight must not end the campaign
-        return lost(job, f"{type(error).__name__}: {error}")
+    with tempfile.TemporaryDirectory() as folder:
+        return FaultFlown({**_key(case), **_fly(case, Path(folder))})
 
 
 def lost(job: FaultJob, why: str) -> FaultFlown:

@@ -1,7 +1,7 @@
-"""Flies, scores and sketches one of many missions, also if it fails."""
+"""Flies, scores and sketches missions, also those that fail."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
 from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
+from sitl.bench.parallel import attempted, with_a_bar
 from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report
@@ -69,10 +70,24 @@ class Flown:
 
 def fly(job: Job) -> Flown:
     """Fly; an exception becomes a row of the results."""
-    try:
-        return _fly(job)
-    except Exception as error:  # one failed flight must not end the campaign
-        return lost(job, f"{type(error).__name__}: {error}")
+    return attempted(job, _fly, lost)
+
+
+def fly_and_show(
+    jobs: Sequence[Job], keep: Callable[[Flown], None] = lambda _: None
+) -> list[Flown]:
+    """Fly missions with a progress bar on stderr, separate from the printed results.
+
+    `keep` is called after each flight, because a campaign may take hours.
+    """
+
+    def progress_text(flown: Flown) -> str:
+        keep(flown)
+        row = flown.row
+        verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
+        return f"{row['world']} {verdict}"
+
+    return with_a_bar(jobs, progress_text, fly, lost)
 
 
 def lost(job: Job, why: str) -> Flown:

@@ -22,10 +22,16 @@ from typing import Generic, TypeVar
 from rich.console import Console
 from rich.progress import Progress
 
-from sitl.bench.missions import Flown, Job, fly, lost
-
 J = TypeVar("J")
 F = TypeVar("F")
+
+
+def attempted(job: J, fly_one: Callable[[J], F], lose_one: Callable[[J, str], F]) -> F:
+    """The result of a job; an exception becomes one by `lose_one`, and the campaign goes on."""
+    try:
+        return fly_one(job)
+    except Exception as error:
+        return lose_one(job, f"{type(error).__name__}: {error}")
 
 
 def fly_all(
@@ -68,23 +74,6 @@ def _results(flight: Future[F]) -> list[F]:
         return [flight.result()]
     except CancelledError:
         return []
-
-
-def fly_and_show(
-    jobs: Sequence[Job], keep: Callable[[Flown], None] = lambda _: None
-) -> list[Flown]:
-    """Fly missions with a progress bar on stderr, separate from the printed results.
-
-    `keep` is called after each flight, because a campaign may take hours.
-    """
-
-    def progress_text(flown: Flown) -> str:
-        keep(flown)
-        row = flown.row
-        verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
-        return f"{row['world']} {verdict}"
-
-    return with_a_bar(jobs, progress_text, fly, lost)
 
 
 def with_a_bar(

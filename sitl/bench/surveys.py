@@ -11,13 +11,13 @@ from rich.table import Table
 
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
+from sitl.bench.parallel import attempted
+from sitl.running.options import MAX_BATTERY_S
 from sitl.running.sorties import Sorties
 from sitl.scoring.report import Report
 from sitl.testing.mission_file import load_mission
 from sitl.world.plan import wall_surfaces
 
-MAX_BATTERY_S = 3600.0
-"""Longest time of a battery, s."""
 HOME_M = 0.3
 """A flight that lands within this distance of its take-off place is home, m."""
 OF_A_SINGLE = ("completed", "coverage", "wall_error_aligned_cm", "flight_time_s", "collisions")
@@ -60,10 +60,7 @@ class SurveyFlown:
 
 def fly(job: SurveyJob) -> SurveyFlown:
     """Fly; an exception becomes a row of the results."""
-    try:
-        return _fly(job)
-    except Exception as error:  # one failed survey must not end the campaign
-        return lost(job, f"{type(error).__name__}: {error}")
+    return attempted(job, _fly, lost)
 
 
 def lost(job: SurveyJob, why: str) -> SurveyFlown:

@@ -61,12 +61,14 @@ Clutter = Annotated[
 ClutterSeed = Annotated[
     int | None, typer.Option(help="Seed of the clutter; default the flight's seed.")
 ]
+MAX_BATTERY_S = 3600.0
+"""Longest time of a battery, s. Chosen: twice that of large drones."""
 Battery = Annotated[
     float | None,
     typer.Option(
         help=f"Time of a full battery, s; default {FLIGHT_BATTERY_S:.0f}. Limits the mission, too.",
         min=60,
-        max=3600,
+        max=MAX_BATTERY_S,
     ),
 ]
 

@@ -88,7 +88,8 @@ def _without(estimate: Estimate, wall: int, other: int, m: Measured) -> Estimate
     moved: Indices = np.where(estimate.wall_of == wall, other, estimate.wall_of)
     wall_of = x.keep_walls(np.delete(np.arange(len(x.walls)), wall), moved)
     if other != NO_WALL:
-        along_m = project(x, m).points[estimate.wall_of == wall] @ estimate.x.tangents[other]
+        own = m.with_hits(estimate.wall_of == wall)
+        along_m = project(x, own).points @ estimate.x.tangents[other]
         low_m, high_m = estimate.x.reach_m[other]
         reach_m = along_m.min(initial=low_m), along_m.max(initial=high_m)
         x.reach_m[other - (other > wall)] = reach_m

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
+from companion.core.frames import Vector2
 from companion.estimation.smoothing.flight_record import (
     NO_WALL,
     FlightRecord,
@@ -262,6 +263,13 @@ def normals_of(walls: Array) -> Array:
 def tangents_of(walls: Array) -> Array:
     """(w, 2): unit vectors along walls (w, 2), the normal turned clockwise by 90°."""
     return np.column_stack([-np.sin(walls[:, 0]), np.cos(walls[:, 0])])
+
+
+def place_on(wall: Array, along_m: float) -> Vector2:
+    """North and east of a position on the line of a wall (2,), m."""
+    [normal], [tangent] = normals_of(wall[None]), tangents_of(wall[None])
+    north_m, east_m = (wall[1] * normal + along_m * tangent).tolist()
+    return north_m, east_m
 
 
 def to_ned(frd_m: Array, yaw_rad: Array) -> Array:
