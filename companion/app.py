@@ -40,6 +40,7 @@ from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.low_ceilings import Overhead
+from companion.mapping.occupancy import Occupancy
 from companion.mapping.rays import rays
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Observation
@@ -55,7 +56,7 @@ from companion.pdps.flight.state import (
 )
 from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
-from companion.safety.mapped_obstacles import recalled_frd_m
+from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
 
@@ -289,8 +290,9 @@ class App:
                 around.lane,
                 around.is_among_legs,
                 around.legs,
+                around.is_gap_doubtful,
             ),
-            space=self.space.grid,
+            space=self._obstructed(pose, around),
             floor=self._heights,
             around=around,
             gyro_at_rest=self.estimator is not None,
@@ -313,6 +315,14 @@ class App:
         around = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
         return replace(around, recalled_frd_m=recalled)
+
+    def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
+        """The map; among legs with the recent obstacles that the map has lost."""
+        grid = self.space.grid
+        if not around.is_among_legs:
+            return grid
+        measured_frd_m = around.points_frd_m[around.is_measured]
+        return grid.with_obstacles(unmapped_ne_m(grid, pose, measured_frd_m))
 
     def _begin_layer(self) -> None:
         """Start the grid of the next layer from the one below and the low ceilings."""

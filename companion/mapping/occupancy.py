@@ -157,6 +157,14 @@ class Occupancy:
         """A copy."""
         return self._with(self._low, self._layers.each(np.copy))
 
+    def with_obstacles(self, places_ne_m: Array) -> "Occupancy":
+        """This grid, with the cells at some places (n, 2) occupied. The rest is not copied."""
+        rows, columns = (self._indices(places_ne_m[:, axis], axis) for axis in (0, 1))
+        inside = (rows >= 0) & (rows < self.shape[0]) & (columns >= 0) & (columns < self.shape[1])
+        log_odds = self._layers.log_odds.copy()
+        log_odds[rows[inside], columns[inside]] = MAX_LOG_ODDS
+        return self._with(self._low, self._layers._replace(log_odds=log_odds))
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All content by name, for `of_arrays`."""
         where = {"low": np.array(self._low), "is_all_allowed": np.array(self._is_all_allowed)}

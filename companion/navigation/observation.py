@@ -45,6 +45,9 @@ class Observation:
     """True if a thin obstacle that stands alone was detected lately."""
     legs: int = 0
     """Number of such obstacles detected in this flight."""
+    is_gap_doubtful: bool = False
+    """True if the drone has stayed near an obstacle that it cannot measure there, for so long that
+    it may have drifted against it (`obstacle_memory.py`)."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

@@ -6,7 +6,8 @@
      │ │ no path, or no progress for `STUCK_S`: turn all round, once; not in a doorway, but at the
      │ │ last place with room to turn, if the straight line back to it is free
      │ ▼
-    SWEEP
+    SWEEP ◄── WITHDRAW ◄── FLY, once, if the drift has made the gap to an obstacle doubtful: to the
+              nearest place from where the sensors measure all obstacles around
 
     FLY, still no path ─► GAVE_UP; on the way home the drone retraces its flown cells instead,
     whatever the map contains there
@@ -30,6 +31,8 @@ where clearance is small, and stops before any obstacle that appears ahead.
 
 import math
 from dataclasses import replace
+
+import numpy as np
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
@@ -79,6 +82,10 @@ NEARLY_M, NEARLY_S = 0.3, 4.0
 """In a narrow place the drone has arrived if it stays within this distance of the goal for this
 time without progress, m and s. Chosen: obstacles below the sensors' minimum range can keep the
 drone off the goal. It does not wait longer, because their stored positions drift."""
+MEASURES_FROM_M, ROOM_WORTH = 1.1, 30.0
+"""Room from which the sensors measure all obstacles around, m: the minimum of the GP2Y0A710K0F, from
+the drone's centre (datasheet). With a smaller minimum, no gap becomes doubtful. Second: cost of the
+path that a metre of room is worth, more than in a narrow place (`TIGHT_COST`). Chosen."""
 AHEAD_M, MAX_SHUT = 0.5, 8
 """Distance ahead, and half width, of the place that is shut where the drone is stuck, m; and the
 maximum number of shut places on the way home. Chosen."""
@@ -93,6 +100,8 @@ def step(
             return _fly(travel, observation, space, plan)
         case TravelPhase.SWEEP:
             return _sweep(travel, observation, plan)
+        case TravelPhase.WITHDRAW:
+            return _withdraw(travel, observation, space, plan)
         case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
             return travel, HOLD
 
@@ -101,6 +110,8 @@ def _fly(
     travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     now_s = observation.pose.time_s
+    if observation.is_gap_doubtful and not travel.withdrew:
+        return _to_withdraw(travel, observation, space, plan), HOLD
     is_open = in_the_open(observation, space)
     travel = _progress(travel, observation, STUCK_M if is_open else TIGHT_STUCK_M)
     travel = replace(travel, known=still_swept(travel, observation))
@@ -283,6 +294,37 @@ def along(ways: ShortestPaths, travel: Travel, observation: Observation) -> Trav
         checked_s=now_s,
         resets=observation.pose.reset_counter,
     )
+
+
+def _to_withdraw(
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> Travel:
+    """Sets the path to the nearest place with room, or to the place with the most room."""
+    ways = find_ways(find_ground(space, observation.pose.ne_m, clear_of_all_m(plan)))
+    narrow_m = np.maximum(MEASURES_FROM_M - ways.ground.room_m, 0.0)
+    best = np.unravel_index((ways.metres + ROOM_WORTH * narrow_m).argmin(), narrow_m.shape)
+    place = ways.ground.grid.place((int(best[0]), int(best[1])))
+    return replace(
+        travel,
+        phase=TravelPhase.WITHDRAW,
+        withdrew=True,
+        way=ways.to(place),
+        course=None,
+        progress_s=observation.pose.time_s,
+        progress_ne_m=observation.pose.ne_m,
+    )
+
+
+def _withdraw(
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    travel = _progress(travel, observation, STUCK_M)
+    way = passed(travel.way, observation, ARRIVED_M)
+    if not way or _without_progress_s(travel, observation.pose.time_s) >= NEARLY_S:
+        sweep = sweeping.all_round(observation, observation.pose.ne_m)
+        return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep, way=()), HOLD
+    course = faced(travel.course, way, observation)
+    return replace(travel, way=way, course=course), follow(way, course, observation, space, plan)
 
 
 def _sweep(

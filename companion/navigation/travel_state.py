@@ -16,6 +16,7 @@ class TravelPhase(enum.Enum):
 
     FLY = "on the way"
     SWEEP = "looking for the way"
+    WITHDRAW = "withdrawing from obstacles too near to measure"
     ARRIVED = "arrived"
     GAVE_UP = "no way"
 
@@ -52,6 +53,8 @@ class Travel:
     """Last place with room to turn round."""
     looked_round: bool = False
     """True after the turn all round, which is done once, if there is no path."""
+    withdrew: bool = False
+    """True after the withdrawal from obstacles too near to measure, which is done once."""
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """Time and place of the last progress."""

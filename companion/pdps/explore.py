@@ -124,9 +124,9 @@ class Explore:
 
     @property
     def activity(self) -> str:
-        """Description of the phase, or of a sweep in it."""
-        if self.travel is not None and self.travel.phase is TravelPhase.SWEEP:
-            return TravelPhase.SWEEP.value
+        """Description of the phase, or of a sweep or a withdrawal in it."""
+        if self.travel and self.travel.phase in (TravelPhase.SWEEP, TravelPhase.WITHDRAW):
+            return self.travel.phase.value
         if self.phase is ExplorePhase.GO and self.look is not None and self.look.is_tie:
             return "going to look again at walls that are not known well"
         return str(self.phase.value)
@@ -156,7 +156,8 @@ def _look(
     left_rad = explore.to_turn_rad - abs(wrap_rad(yaw_rad - last_rad))
     here = explore.here_ne_m or observation.pose.ne_m
     explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
-    look, is_enough = explore.look, left_rad <= 0
+    look = explore.look
+    is_enough = left_rad <= 0 or observation.is_gap_doubtful
     if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not _left_of(look, space)

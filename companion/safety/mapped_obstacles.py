@@ -1,4 +1,4 @@
-"""Recalls older obstacles near the drone from the map.
+"""Compares the obstacle memory with the map: each contains obstacles that the other has lost.
 
 `obstacle_memory.py` deletes its points when odometry may have drifted too far. The map keeps them.
 An example is the end of a wall that was detected three minutes ago and is not detected again
@@ -8,9 +8,17 @@ before the drone reaches it.
         - cells where the drone has been since take-off
         - cells beside a recent obstacle point, which is more accurate
     = recalled
+
+The map loses a pole thinner than a cell, because more beams pass through the cell than hit the
+pole. The memory keeps it until beams have passed through all of its width.
+
+    recent obstacle points that were measured
+        - points beside an occupied cell
+    = unmapped
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from companion.core.arrays import Array
 from companion.core.frames import points_to_frd
@@ -22,6 +30,9 @@ from companion.safety.obstacle_points import KEPT_S
 RECALLED_WITHIN_M = 2.0
 """Search radius from the drone's centre, m. Chosen: from 1 m/s the drone stops within 1.5 m
 (0.5 m/s² and a lag of 0.5 s)."""
+MAPPED_M = 0.25
+"""A point within this distance of an occupied cell is mapped, m. Chosen: the position errors of
+both within seconds; a larger distance would drop the poles beside a wall."""
 MET_ANEW_M = 0.4
 """Cells within this distance of a recent obstacle point are dropped, m. Chosen: the map, including
 its cell size, differs from odometry by as much."""
@@ -43,3 +54,20 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
     apart_m = np.linalg.norm(recalled[:, None] - lately_frd_m, axis=2).min(axis=1)
     kept: Array = recalled[apart_m > MET_ANEW_M]
     return kept
+
+
+def unmapped_ne_m(grid: Occupancy, pose: Pose, measured_frd_m: Array) -> Array:
+    """Return those of the measured recent points (n, 2), body FRD, that the map lost: local NED, m.
+
+    Shape (u, 2).
+    """
+    if not len(measured_frd_m):
+        return measured_frd_m
+    points_ne_m = points_to_frd(measured_frd_m, -pose.yaw_rad) + pose.ne_m
+    reach_m = float(np.hypot(*measured_frd_m.T).max()) + MAPPED_M
+    mapped_ne_m, _ = grid.met_near(pose.ne_m, reach_m)
+    if not len(mapped_ne_m):
+        return points_ne_m
+    off_m, _ = cKDTree(mapped_ne_m).query(points_ne_m)
+    unmapped: Array = points_ne_m[off_m > MAPPED_M]
+    return unmapped

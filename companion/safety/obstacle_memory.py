@@ -25,6 +25,7 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.safety.control_laws import BODY_RADIUS_M
 from companion.safety.drift import NO_DRIFT, Drift
 from companion.safety.fold_back import ALIAS_M, KNOWN_M, FoldBackDetector
 from companion.safety.obstacle_points import (
@@ -32,6 +33,7 @@ from companion.safety.obstacle_points import (
     KEPT_WITHIN_M,
     MEASURED,
     OLD_S,
+    SAME_M,
     TOO_STRONG,
     Detection,
     LineOfSight,
@@ -58,6 +60,10 @@ FURNISHED_LEGS = 4
 """From this number of legs on, the drone counts as among legs for the rest of the flight. Measured:
 up to three ends of thin partitions in eleven flights without clutter; four and five legs in flights
 with a clutter of 0.25."""
+STAYED_S, DOUBT_SIGMAS = 15.0, 3.0
+"""A gap is doubtful if its obstacle was not measured for this time, s, and if the drift in that
+time, with so many sigmas, may be as large as the gap. Chosen: a drone that passes a doorway last
+measures the jambs a few seconds before. At two sigmas the velocity limiter has no margin left."""
 UNMEASURED_M = 0.55
 """Distance assumed for a new obstacle that is too near to be measured, from the drone's centre, m.
 Chosen."""
@@ -74,6 +80,8 @@ class Surroundings:
     """Time for which the drone keeps this velocity after a stop is commanded, s."""
     is_vague: Mask = field(default_factory=lambda: np.zeros(1, dtype=bool))
     """(n,), or (1,) for all: True for inexact points."""
+    is_measured: Mask = field(default_factory=lambda: np.ones(1, dtype=bool))
+    """(n,), or (1,) for all: True for points that were measured exactly."""
     drift_m: Array = field(default_factory=lambda: np.zeros(1))
     """(n,), or (1,) for all: sigma of the drone's drift since each point was detected, m."""
     recalled_frd_m: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -84,6 +92,8 @@ class Surroundings:
     """A thin, isolated obstacle was detected recently."""
     legs: int = 0
     """Number of such obstacles detected in this flight."""
+    is_gap_doubtful: bool = False
+    """Among legs: the drift may have used up the gap to an obstacle since it was measured."""
 
 
 class ObstacleMemory:
@@ -101,23 +111,33 @@ class ObstacleMemory:
         """Time, s, and heading, rad, of the last sweep."""
 
     def surroundings(self, lag_s: float) -> Surroundings:
+        points_frd_m = self._points.nearest(self._ne_m, self._yaw_rad, self._wide)
         return Surroundings(
-            self._points.nearest(self._ne_m, self._yaw_rad, self._wide),
+            points_frd_m,
             self._velocity_frd_m_s,
             lag_s,
             self._points.is_vague,
+            self._points.is_measured,
             self._points.drift_m(self._now_s),
             lane=self._lane,
             is_among_legs=self._is_among_legs,
             legs=len(self._points.legs),
+            is_gap_doubtful=self._is_among_legs and self._is_gap_doubtful(points_frd_m),
         )
+
+    def _is_gap_doubtful(self, points_frd_m: Array) -> bool:
+        # a surface extends around its point by the distance at which detections are one point
+        gap_m = np.hypot(*points_frd_m.T) - BODY_RADIUS_M - SAME_M
+        is_old = self._points.is_detected_before(self._now_s - STAYED_S)
+        drifted_m = DOUBT_SIGMAS * self._points.drift_m(self._now_s)
+        return bool((is_old & (drifted_m > gap_m)).any())
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
         """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
         swept = self._narrow if self._is_among_legs else self._wide
         lane = swept.lane(self._ne_m, bearing_rad, self._now_s, self._points.drift)
-        old = self._points.detected_before(self._now_s - OLD_S)
+        old = self._points.places[self._points.is_detected_before(self._now_s - OLD_S)]
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
     @property

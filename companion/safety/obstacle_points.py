@@ -166,9 +166,9 @@ class ObstaclePoints:
         elsewhere: Mask = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
         return elsewhere
 
-    def detected_before(self, time_s: float) -> Array:
-        """Positions (m, 2) of the points first detected before `time_s`, m."""
-        old: Array = self._points[self._points[:, _DETECTED_S] < time_s, :2]
+    def is_detected_before(self, time_s: float) -> Mask:
+        """(n,): True for the points measured where they are before `time_s`, s."""
+        old: Mask = self._points[:, _DETECTED_S] < time_s
         return old
 
     def drift_m(self, now_s: float) -> Array:

@@ -6,6 +6,7 @@ from itertools import product
 
 import pytest
 
+from companion.core.frames import moved
 from companion.core.messages import HOLD
 from companion.mapping.occupancy import Ray
 from companion.navigation import travel as travelling
@@ -108,6 +109,38 @@ def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
     travel, setpoint = step_travel(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
     assert travel.phase is (TravelPhase.SWEEP if sweeps else TravelPhase.GAVE_UP)
     assert sweeps or setpoint == HOLD
+
+
+@pytest.mark.parametrize("is_doubtful", [True, False])
+def test_the_drone_withdraws_once_where_drift_has_made_a_gap_doubtful(*, is_doubtful: bool) -> None:
+    """The drone is between two posts, with free space behind it."""
+    grid = open_ground()
+    for side_m in (-0.6, 0.6):
+        grid.block((0.0, side_m), 0.01)
+    travel, time_s, here = Travel((3.0, 0.0)), 10.0, (0.0, 0.0)
+    phases, least_m = [TravelPhase.FLY], math.inf
+    for _ in range(600):
+        time_s += 0.05
+        yaw_rad = remaining_headings_rad(travel)[0] if travel.sweep else math.pi
+        seen = replace(observation(here, yaw_rad, time_s=time_s), is_gap_doubtful=is_doubtful)
+        travel, setpoint = travelling.step(travel, seen, grid, PLAN)
+        if travel.phase is not phases[-1]:
+            phases.append(travel.phase)
+        if travel.phase is TravelPhase.WITHDRAW:
+            here = moved(here, (0.05 * setpoint.forward_m_s, 0.05 * setpoint.right_m_s), yaw_rad)
+        if travel.phase is TravelPhase.SWEEP:
+            least_m = min(least_m, grid.nearest_m(here, 2.0))
+    if not is_doubtful:
+        assert TravelPhase.WITHDRAW not in phases
+        return
+    assert phases[:4] == [
+        TravelPhase.FLY,
+        TravelPhase.WITHDRAW,
+        TravelPhase.SWEEP,
+        TravelPhase.FLY,
+    ]
+    assert phases.count(TravelPhase.WITHDRAW) == 1
+    assert 1.0 < least_m < 1.5
 
 
 def test_travel_continues_after_a_full_sweep_beside_a_doorway() -> None:

@@ -1,13 +1,14 @@
-"""Obstacles from minutes ago limit the velocity at their positions in the map."""
+"""The map recalls obstacles that the memory has lost; the memory completes the map."""
 
 import math
 
 import numpy as np
 import pytest
 
+from companion.core.frames import points_to_frd
 from companion.core.messages import Pose, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.safety.mapped_obstacles import recalled_frd_m
+from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.obstacle_points import KEPT_S
 from companion.safety.velocity_guard import guarded
@@ -77,3 +78,36 @@ def test_cells_blocked_only_for_the_planner_are_not_recalled() -> None:
     grid = Occupancy()
     grid.block((2.0, 0.0), 0.2)
     assert not len(recalled(grid, pose()))
+
+
+def with_a_pole(pole_ne_m: tuple[float, float], passing: int) -> Occupancy:
+    """Grid of a pole that two readings met, then beams passed beside it through the same cell."""
+    grid = Occupancy()
+    for _ in range(2):
+        grid.add(Ray((0.0, 0.0), 0.0, pole_ne_m[0], 0.03, is_hit=True, time_s=1.0))
+    for _ in range(passing):
+        grid.add(Ray((0.0, 0.0), 0.01, 4.0, 0.03, is_hit=False, time_s=2.0))
+    return grid
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0])
+@pytest.mark.parametrize(("passing", "is_lost"), [(0, False), (12, True)])
+def test_paths_avoid_a_pole_that_beams_have_erased_from_the_map(
+    passing: int, is_lost: bool, yaw_rad: float
+) -> None:
+    """A drone bounced for half a minute between poles that only the velocity limiter knew."""
+    pole_ne_m, at = (2.05, 0.01), Pose(10.0, 0.2, 0.3, -1.0, yaw_rad)
+    grid = with_a_pole(pole_ne_m, passing)
+    measured_frd_m = points_to_frd(np.array([pole_ne_m]) - at.ne_m, yaw_rad)
+    lost = unmapped_ne_m(grid, at, measured_frd_m)
+    assert len(lost) == is_lost
+    assert grid.nearest_m(pole_ne_m, 1.0) == (1.0 if is_lost else 0.0)
+    planned = grid.with_obstacles(lost)
+    assert planned.nearest_m(pole_ne_m, 1.0) == 0.0
+    assert not planned.free[planned.cell(pole_ne_m)]
+    assert grid.nearest_m(pole_ne_m, 1.0) == (1.0 if is_lost else 0.0)
+
+
+def test_obstacles_outside_the_grid_are_ignored() -> None:
+    grid = Occupancy()
+    assert not grid.with_obstacles(np.array([[500.0, 0.0], [0.0, -500.0]])).occupied.any()

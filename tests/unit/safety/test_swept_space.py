@@ -140,21 +140,32 @@ def test_a_reading_sweeps_the_space_up_to_its_range() -> None:
     assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s < 0.5
 
 
+def swing_over_a_leg(
+    near: ObstacleMemory,
+    wide_m: float,
+    bearing_rad: float = 0.0,
+    begin_s: float = 0.0,
+    swing_deg: int = 15,
+) -> float:
+    """Swing the nose at 45 deg/s over a leg at 1.3 m, before a wall at 3 m; return the time, s."""
+    there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
+    behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
+    to_and_fro_deg = [*range(-swing_deg, swing_deg), *range(swing_deg, -swing_deg, -1)] * 3
+    for tick, off_deg in enumerate(to_and_fro_deg):
+        off_rad = math.radians(off_deg)
+        near.turn_to(bearing_rad + off_rad)
+        is_met = abs(1.3 * math.sin(off_rad)) < wide_m / 2
+        near.see(RangeScan(begin_s + tick / 45, {Beam.FRONT: there if is_met else behind}))
+    return begin_s + len(to_and_fro_deg) / 45
+
+
 @pytest.mark.parametrize(
     ("wide_m", "is_leg"),
     [(0.03, True), (0.08, True), (0.4, False), (2.0, False)],
 )
 def test_only_a_thin_isolated_obstacle_is_a_leg(wide_m: float, is_leg: bool) -> None:
-    """The nose swings at 45 deg/s over a leg at 1.3 m, in front of a wall at 3 m."""
     near = ObstacleMemory(UNITS)
-    there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
-    behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
-    swings_deg = np.concatenate([np.arange(-30, 30, 1.0), np.arange(30, -30, -1.0)] * 2)
-    for tick, yaw_deg in enumerate(swings_deg):
-        yaw_rad = math.radians(float(yaw_deg))
-        near.turn_to(yaw_rad)
-        is_met = abs(1.3 * math.sin(yaw_rad)) < wide_m / 2
-        near.see(RangeScan(tick / 45, {Beam.FRONT: there if is_met else behind}))
+    swing_over_a_leg(near, wide_m, swing_deg=30)
     assert near.surroundings(0.3).is_among_legs is is_leg
 
 
@@ -162,19 +173,11 @@ def test_only_a_thin_isolated_obstacle_is_a_leg(wide_m: float, is_leg: bool) -> 
 def test_the_among_legs_state_is_permanent_after_four_legs(legs: int, stays: bool) -> None:
     """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
     near = ObstacleMemory(UNITS)
-    there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
-    behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
-    ticks = 0
+    now_s = 0.0
     for leg in range(legs):
-        swings_deg = np.concatenate([np.arange(-15, 15, 1.0), np.arange(15, -15, -1.0)] * 3)
-        for off_deg in swings_deg:
-            off_rad = math.radians(float(off_deg))
-            near.turn_to(math.radians(40.0 * leg) + off_rad)
-            is_met = abs(1.3 * math.sin(off_rad)) < 0.02
-            near.see(RangeScan(ticks / 45, {Beam.FRONT: there if is_met else behind}))
-            ticks += 1
+        now_s = swing_over_a_leg(near, 0.04, math.radians(40.0 * leg), now_s)
     assert near.surroundings(0.3).is_among_legs
-    near.see(RangeScan(ticks / 45 + AMONG_LEGS_S + 1, {}))
+    near.see(RangeScan(now_s + AMONG_LEGS_S + 1, {}))
     assert near.surroundings(0.3).is_among_legs is stays
 
 
@@ -263,3 +266,23 @@ def test_the_drone_keeps_off_the_sides_of_a_passage_as_far_as_it_may_have_drifte
     around = Surroundings(sides, is_vague=exact, drift_m=np.full(2, drift_m), is_among_legs=True)
     safe = guarded(Setpoint(0.3, 0.3), around, 0.3)
     assert (abs(safe.right_m_s) < 0.05) is (drift_m > 0.08)
+
+
+@pytest.mark.parametrize(("away_m", "stays_s"), [(0.5, 30.0), (1.3, 120.0)])
+def test_a_gap_becomes_doubtful_while_the_drone_stays_near_a_leg(
+    away_m: float, stays_s: float
+) -> None:
+    """A drone stayed for a minute in a pocket of posts, and drifted against one of them."""
+    near = ObstacleMemory(UNITS)
+    begin_s = swing_over_a_leg(near, 0.04)
+    near.move_to((1.3 - away_m, 0.0), drift=Drift(0.018**2, 0.05))
+    doubtful_s = [
+        after_s
+        for after_s in range(int(stays_s))
+        if not near.see(RangeScan(begin_s + after_s, {})).readings
+        and near.surroundings(0.3).is_gap_doubtful
+    ]
+    if away_m > 1:
+        assert not doubtful_s
+    else:
+        assert 10 < doubtful_s[0] < 20
