@@ -83,9 +83,9 @@ NEARLY_M, NEARLY_S = 0.3, 4.0
 time without progress, m and s. Chosen: obstacles below the sensors' minimum range can keep the
 drone off the goal. It does not wait longer, because their stored positions drift."""
 MEASURES_FROM_M, ROOM_WORTH = 1.1, 30.0
-"""Room from which the sensors measure all obstacles around, m: the minimum of the GP2Y0A710K0F, from
-the drone's centre (datasheet). With a smaller minimum, no gap becomes doubtful. Second: cost of the
-path that a metre of room is worth, more than in a narrow place (`TIGHT_COST`). Chosen."""
+"""Room from which the sensors measure all obstacles around, m: the minimum of the GP2Y0A710K0F
+(datasheet), from the drone's centre. With a smaller minimum, no gap becomes doubtful. Second: cost
+of the path that a metre of room is worth, more than in a narrow place (`TIGHT_COST`). Chosen."""
 AHEAD_M, MAX_SHUT = 0.5, 8
 """Distance ahead, and half width, of the place that is shut where the drone is stuck, m; and the
 maximum number of shut places on the way home. Chosen."""
