@@ -126,7 +126,7 @@ class Explore:
     def activity(self) -> str:
         """Description of the phase, or of a sweep or a withdrawal in it."""
         if self.travel and self.travel.phase in (TravelPhase.SWEEP, TravelPhase.WITHDRAW):
-            return self.travel.phase.value
+            return str(self.travel.phase.value)
         if self.phase is ExplorePhase.GO and self.look is not None and self.look.is_tie:
             return "going to look again at walls that are not known well"
         return str(self.phase.value)
