@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 from companion.config.settings import Config, SensorsConfig
+from companion.core.arrays import Array
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -153,9 +154,11 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
-        self._spaces = [RedrawnGrid(earlier.space.copy() if earlier else None)]
+        self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
+        if earlier:
+            self._overhead.know(earlier.overhead)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
         self._standoff_m = cache(partial(standoff_m, wanted, front, offset_m))
         """Stand-off as a function of the wander of the autopilot's estimate, m."""
@@ -166,6 +169,16 @@ class App:
         self._resets = 0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = earlier.begin() if earlier else FlightState()
+
+    @property
+    def rays(self) -> tuple[Array, ...]:
+        """All rays of the flight for `draw_onto`, (r, 8) for each layer from the lowest."""
+        return tuple(space.rays for space in self._spaces)
+
+    @property
+    def overhead(self) -> Array:
+        """Readings of the up beam in this flight, as in `Overhead.readings`."""
+        return self._overhead.readings
 
     @property
     def space(self) -> RedrawnGrid:
@@ -329,7 +342,9 @@ class App:
         plan = self._config.mission
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self._overhead.lower_than(top_m, self._ceiling.height_m)
-        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low)))
+        earlier = self._earlier.spaces[len(self._spaces) :] if self._earlier else ()
+        known = earlier[0] if earlier else None
+        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, known)))
 
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:

@@ -7,7 +7,8 @@ import io
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,13 @@ from companion.navigation.grid_planner import START_NE_M
 from companion.pdps.explore import Explore
 from companion.pdps.flight.state import FlightState
 from companion.pdps.frontiers import Places
+from companion.pdps.layers import Layers
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.pdps.viewpoints import Viewpoint
 
-_WALLS, _SPACE = "walls.", "space."
+_WALLS, _SPACE, TRIED = "walls.", "space.", "tried."
 """Prefixes of the arrays' names."""
+_OVERHEAD = "overhead"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +37,12 @@ class EarlierFlights:
     """The map of earlier flights, in the frame of the survey: that of the first flight."""
 
     walls: EarlierWalls
-    space: Occupancy
-    """Free and occupied space at the height of flight."""
-    tried: tuple[Places, ...] = ()
-    """Targets of the looks so far: a target that was never seen is dropped after some looks."""
+    spaces: tuple[Occupancy, ...]
+    """Free and occupied space of each layer, from the lowest, at its height of flight."""
+    tried: tuple[tuple[Places, ...], ...] = ()
+    """Targets of the looks in each layer: one that was never seen is dropped after some looks."""
+    overhead: Array = field(default_factory=lambda: np.empty((0, 4)))
+    """(n, 4), m: readings of the up beam, as in `Overhead.readings`."""
 
     def segments(self) -> tuple[WallSegment, ...]:
         """The walls from their first to their last hit, for display."""
@@ -54,16 +59,29 @@ class EarlierFlights:
             segments.append(WallSegment(start, end, math.sqrt(variance_m2), 0, direction_rad))
         return tuple(segments)
 
+    @property
+    def viewpoints(self) -> tuple[tuple[Viewpoint, ...], ...]:
+        """The looks in each layer of `spaces`."""
+        by_layer = zip_longest(self.spaces, self.tried, fillvalue=())
+        return tuple(
+            tuple(Viewpoint(START_NE_M, places) for places in tried) for _, tried in by_layer
+        )
+
     def begin(self) -> FlightState:
         """The state in which the next flight begins. It explores what is left of a room, too."""
-        looked = tuple(Viewpoint(START_NE_M, places) for places in self.tried)
-        return FlightState(room=RoomScan(ScanPhase.BLOCKED), building=Explore(tried=looked))
+        looked = self.viewpoints
+        return FlightState(
+            room=RoomScan(ScanPhase.BLOCKED),
+            building=Explore(tried=looked[0]),
+            layers=Layers.on(0, looked),
+        )
 
     def to_bytes(self) -> bytes:
         """All content, lossless: a NumPy archive."""
-        arrays: dict[str, Any] = places_as_arrays(self.tried)
+        arrays: dict[str, Any] = {_OVERHEAD: self.overhead}
         arrays |= {f"{_WALLS}{each.name}": getattr(self.walls, each.name) for each in _OF_WALLS}
-        arrays |= {f"{_SPACE}{name}": array for name, array in self.space.arrays().items()}
+        arrays |= layers_as_arrays(_SPACE, [space.arrays() for space in self.spaces])
+        arrays |= layers_as_arrays(TRIED, [places_as_arrays(layer) for layer in self.tried])
         file = io.BytesIO()
         np.savez_compressed(file, **arrays)
         return file.getvalue()
@@ -78,14 +96,37 @@ class EarlierFlights:
         try:
             with np.load(io.BytesIO(data), allow_pickle=False) as archive:
                 walls = EarlierWalls(*(archive[f"{_WALLS}{each.name}"] for each in _OF_WALLS))
-                names = [name for name in archive.files if name.startswith(_SPACE)]
-                space = Occupancy.of_arrays({n.removeprefix(_SPACE): archive[n] for n in names})
-                return cls(walls, space, places_of_arrays(archive))
+                spaces, tried = layers_of_arrays(_SPACE, archive), layers_of_arrays(TRIED, archive)
+                return cls(
+                    walls,
+                    tuple(Occupancy.of_arrays(arrays) for arrays in spaces),
+                    tuple(places_of_arrays(arrays) for arrays in tried),
+                    archive[_OVERHEAD],
+                )
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise SurveyError(f"the map of earlier flights is not readable: {error!r}") from None
 
 
 _OF_WALLS = fields(EarlierWalls)
+
+
+def layers_as_arrays(prefix: str, layers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The arrays of all layers under one name each: prefix, number of the layer, own name."""
+    return {
+        f"{prefix}{number}.{name}": array
+        for number, arrays in enumerate(layers)
+        for name, array in arrays.items()
+    }
+
+
+def layers_of_arrays(prefix: str, arrays: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The layers that `layers_as_arrays` wrote."""
+    layers: dict[int, dict[str, Any]] = {}
+    for name in arrays:
+        if name.startswith(prefix):
+            number, _, own = name.removeprefix(prefix).partition(".")
+            layers.setdefault(int(number), {})[own] = arrays[name]
+    return [layers[number] for number in sorted(layers)]
 
 
 def places_as_arrays(tried: Sequence[Places]) -> dict[str, Array | Indices]:

@@ -79,19 +79,14 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
 
 
 def _refuse_not_recorded(settings: Config, folder: Path) -> None:
-    """Refuse a survey that cannot be made.
+    """Refuse a survey without recordings.
 
     Raises:
-        ConfigError: recordings are off, or the mission cannot be continued.
+        ConfigError: recordings are off.
     """
     if not settings.recording.enabled:
         raise ConfigError(
             f"recording.enabled = false: the survey {folder} is made of recordings; set it to true"
-        )
-    if settings.mission.kind == "layers":
-        raise ConfigError(
-            'mission.kind = "layers": a survey cannot continue it; choose building, room or '
-            "exterior, or fly it without --survey"
         )
 
 

@@ -68,7 +68,7 @@ def survey_command(
     console.print(left.in_words())
     if what is What.REPORT:
         _report(joint, left, folder)
-    if what is What.STATUS and left.places_ne_m:
+    if what is What.STATUS and not left.is_nothing:
         raise typer.Exit(EXIT_LEFT)
 
 

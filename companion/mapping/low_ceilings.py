@@ -7,6 +7,9 @@ while the drone passes below it. In the next layer the side beams would detect i
 import math
 from collections import defaultdict
 
+import numpy as np
+
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeScan, RangeState
 from companion.mapping.occupancy import CELL_M
@@ -26,6 +29,20 @@ class Overhead:
         self._mount_offset_m, self._near_limit_m = mount_offset_m, near_limit_m
         self._met_m: defaultdict[Cell, list[tuple[float, float]]] = defaultdict(list)
         """Height of the sensor, and least distance to the obstacle above it."""
+        self._readings: list[tuple[float, ...]] = []
+
+    @property
+    def readings(self) -> Array:
+        """The readings of this flight (n, 4), m, for `know`.
+
+        North, east, height of the sensor, and distance to the obstacle above it.
+        """
+        return np.array(self._readings).reshape(-1, 4)
+
+    def know(self, readings: Array) -> None:
+        """Add readings (n, 4) of earlier flights."""
+        for north_m, east_m, at_m, above_m in readings.tolist():
+            self._met_m[_cell((north_m, east_m))].append((at_m, above_m))
 
     def see(self, scan: RangeScan, pose: Pose) -> None:
         """Add a reading. TOO_NEAR may be an obstacle directly above the sensor."""
@@ -33,8 +50,9 @@ class Overhead:
         if reading is None or reading.state not in (RangeState.DISTANCE, RangeState.TOO_NEAR):
             return
         above_m = reading.distance_m if reading.is_distance else 0.0
-        cell = math.floor(pose.north_m / CELL_M), math.floor(pose.east_m / CELL_M)
-        self._met_m[cell].append((pose.height_m + self._mount_offset_m, above_m))
+        at_m = pose.height_m + self._mount_offset_m
+        self._met_m[_cell(pose.ne_m)].append((at_m, above_m))
+        self._readings.append((*pose.ne_m, at_m, above_m))
 
     def lower_than(self, height_m: float, ceiling_m: float | None) -> tuple[Vector2, ...]:
         """Middles of the cells whose obstacles above are, or may be, lower than this.
@@ -51,3 +69,7 @@ class Overhead:
             if low >= max(MIN_READINGS, MIN_SHARE * len(above_m_all)):
                 places.append(((row + 0.5) * CELL_M, (column + 0.5) * CELL_M))
         return tuple(places)
+
+
+def _cell(place_ne_m: Vector2) -> Cell:
+    return math.floor(place_ne_m[0] / CELL_M), math.floor(place_ne_m[1] / CELL_M)

@@ -133,8 +133,10 @@ class Occupancy:
         other._is_all_allowed = self._is_all_allowed
         return other
 
-    def layer_above(self, low_ne_m: Sequence[Vector2]) -> "Occupancy":
-        """A new grid for the layer above.
+    def layer_above(
+        self, low_ne_m: Sequence[Vector2], known: "Occupancy | None" = None
+    ) -> "Occupancy":
+        """A new grid for the layer above, with the cells `known` there from earlier flights.
 
         Cells that are free here are allowed, except at low ceilings.
         """
@@ -144,8 +146,18 @@ class Occupancy:
             low[cell] = True
         is_low = binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
         allowed = (is_measured | self.free) & self.allowed & ~is_low
-        above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
+        if known is None:
+            above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
+            above._is_all_allowed = False
+            return above
+        above = known.copy()
+        rows, columns = self.shape
+        for corner in ((0, 0), (rows - 1, columns - 1)):
+            above._reach(self.place(corner))
         above._is_all_allowed = False
+        row, column = above.cell(self.place((0, 0)))
+        above.allowed[:] = False
+        above.allowed[row : row + rows, column : column + columns] = allowed
         return above
 
     def of_earlier_flight(self) -> "Occupancy":

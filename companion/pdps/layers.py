@@ -7,8 +7,9 @@
                            └──────────────▲
 
 An obstacle at one height need not exist at another. So each layer has its own occupancy grid, in
-which only the column over the start is known at first. From the highest layer the drone flies over
-everything once, because the down beam measures tables only from 1 m above them.
+which only the column over the start is known at first. In a survey it also has what earlier flights
+saw in that layer; where nothing is left to see, the drone climbs at once. From the highest layer
+it flies over everything once, because the down beam measures tables only from 1 m above them.
 
 Safety: the drone climbs only over its start, and keeps its clearance to the ceiling.
 """
@@ -27,6 +28,7 @@ from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps import explore, overflight
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.overflight import Overfly, OverflyPhase
+from companion.pdps.viewpoints import Viewpoint
 from companion.safety.control_laws import stay
 
 AT_HEIGHT_M = 0.08
@@ -57,10 +59,27 @@ class Layers:
     explore: Explore = field(default_factory=Explore)
     travel: Travel = TO_START
     overfly: Overfly = field(default_factory=Overfly)
+    looked: tuple[tuple[Viewpoint, ...], ...] = ()
+    """Viewpoints in each layer explored before, also by earlier flights, from the lowest."""
+
+    @classmethod
+    def on(cls, number: int, looked: tuple[tuple[Viewpoint, ...], ...]) -> "Layers":
+        """The state at the begin of a layer."""
+        tried = looked[number] if number < len(looked) else ()
+        is_known = number > 0 and bool(tried)  # the turn at the lowest layer corrects the heading
+        phase = ExplorePhase.CHOOSE if is_known else ExplorePhase.LOOK
+        return cls(number=number, explore=Explore(phase, tried=tried), looked=looked)
+
+    @property
+    def all_looked(self) -> tuple[tuple[Viewpoint, ...], ...]:
+        """Viewpoints in each layer so far."""
+        if self.phase is not LayersPhase.EXPLORE:
+            return self.looked
+        return (*self.looked[: self.number], self.explore.tried, *self.looked[self.number + 1 :])
 
     def height_m(self, plan: MissionConfig) -> float:
         """Height of the present layer, m."""
-        return plan.height_m + self.number * plan.layer_spacing_m
+        return layer_height_m(self.number, plan)
 
     @property
     def is_extra(self) -> bool:
@@ -73,6 +92,11 @@ class Layers:
         if self.phase is LayersPhase.EXPLORE:
             return self.explore.activity
         return str(self.phase.value)
+
+
+def layer_height_m(number: int, plan: MissionConfig) -> float:
+    """Height of a layer, m."""
+    return plan.height_m + number * plan.layer_spacing_m
 
 
 def step(
@@ -99,9 +123,12 @@ def _explore(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     exploring, setpoint = explore.step(layers.explore, observation, space, plan)
+    layers = replace(layers, explore=exploring)
     if exploring.phase is ExplorePhase.DONE:
-        return replace(layers, phase=LayersPhase.RETURN, travel=TO_START), setpoint
-    return replace(layers, explore=exploring), setpoint
+        looked = layers.all_looked
+        back = replace(layers, phase=LayersPhase.RETURN, travel=TO_START, looked=looked)
+        return back, setpoint
+    return layers, setpoint
 
 
 def _overfly(
@@ -117,7 +144,7 @@ def _return(
 ) -> tuple[Layers, Setpoint]:
     going, setpoint = travel.step(layers.travel, observation, space, plan)
     if going.phase is TravelPhase.ARRIVED:
-        if _fits_above(layers, observation, plan):
+        if fits_above(observation.clear_m(Beam.UP), plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
         return replace(layers, phase=LayersPhase.OVERFLY), setpoint
@@ -126,9 +153,8 @@ def _return(
     return replace(layers, travel=going), setpoint
 
 
-def _fits_above(layers: Layers, observation: Observation, plan: MissionConfig) -> bool:
-    """True if the up beam measures enough room above the start for the next layer."""
-    above_m = observation.clear_m(Beam.UP)
+def fits_above(above_m: float, plan: MissionConfig) -> bool:
+    """True if the room above the drone, m, is enough for the next layer."""
     return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
 
 
@@ -136,5 +162,5 @@ def _climb(
     layers: Layers, observation: Observation, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     if abs(observation.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
-        return Layers(LayersPhase.EXPLORE, layers.number), HOLD
+        return Layers.on(layers.number, layers.looked), HOLD
     return layers, stay(START_NE_M, observation.pose)

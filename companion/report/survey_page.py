@@ -29,7 +29,7 @@ def write_survey_report(
         OutputError: the file cannot be written.
     """
     found, pieces = survey(merged.plan), pieces_added(merged)
-    is_complete = not left.places_ne_m
+    is_complete = left.is_nothing
     head = Head(
         f"Survey {folder.name}",
         "complete" if is_complete else left.in_words(),

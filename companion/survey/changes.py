@@ -101,10 +101,9 @@ def contradicted_shares(x: Unknowns, m: Measured, wall_of: Indices, units: Range
 
 
 def _crossings(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Crossings:
-    """The beams of all flights that met the walls of all flights."""
+    """The beams of all flights that met the walls of all flights at their level."""
     sigma_m, opening_m = units.sigma_m(m.beam, m.distance_m), Support().opening_m
-    together = np.zeros(len(wall_of), dtype=np.int64)
-    rays = replace(project(x, m), flight=together)
+    rays = replace(project(x, m), view=m.hit_level)
     return Crossings.of(x, rays, sigma_m, wall_of, opening_m, piece_m=PIECE_M)
 
 

@@ -47,13 +47,15 @@ class Flown:
     """The flight solved alone."""
     wall_of: Indices
     """(n,): wall of each hit in `x`, or NO_WALL."""
-    rays: Array
-    """(r, 8): as in `RedrawnGrid.rays`."""
+    rays: tuple[Array, ...]
+    """(r, 8) for each layer from the lowest, as in `RedrawnGrid.rays`."""
     ceiling_m: float | None
     floor_m: float | None
     tops: tuple[Surface, ...]
-    tried: tuple[Places, ...]
-    """Targets of its looks, also of those in the flights that it knows."""
+    tried: tuple[tuple[Places, ...], ...]
+    """Targets of its looks in each layer, also of those in the flights that it knows."""
+    overhead: Array
+    """(n, 4), m: readings of the up beam in its own frame, as in `Overhead.readings`."""
 
     @classmethod
     def of(cls, name: str, app: App) -> "Flown":
@@ -78,11 +80,12 @@ class Flown:
             estimator.knows_earlier_flights,
             alone.x,
             alone.wall_of,
-            app.space.rays,
+            app.rays,
             plan.ceiling_m,
             plan.floor_m,
             plan.tops,
-            tuple(look.at_ne_m for look in app.flight.building.tried),
+            app.flight.looked_at,
+            app.overhead,
         )
 
     @property

@@ -9,10 +9,12 @@ whose start is ambiguous.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, zip_longest
 
 import numpy as np
 
 from companion.core.arrays import Array, Indices
+from companion.core.frames import points_to_frd
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
 from companion.earlier import EarlierFlights
 from companion.estimation.smoothing.estimate import EarlierWalls, Estimate
@@ -20,6 +22,7 @@ from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S
 from companion.estimation.smoothing.state import (
     WALL_SIZE,
+    YAW,
     Measured,
     Unknowns,
     project,
@@ -64,8 +67,12 @@ class Merged:
     estimate: Estimate
     reach_m: Array
     """(w, 2): interval of each wall's hits; empty for walls that are gone."""
-    space: Occupancy
-    tried: tuple[Places, ...]
+    spaces: tuple[Occupancy, ...]
+    """Of each layer, from the lowest."""
+    tried: tuple[tuple[Places, ...], ...]
+    """As in `EarlierFlights`."""
+    overhead: Array
+    """As in `EarlierFlights`."""
     changes: tuple[Change, ...] = ()
     """What has changed between the flights."""
 
@@ -82,7 +89,8 @@ class Merged:
         rows = x.calibration.size + (WALL_SIZE * stay[:, None] + np.arange(WALL_SIZE)).ravel()
         covariance = solution.shared_covariance[np.ix_(rows, rows)]
         walls = EarlierWalls(x.walls[stay], self.reach_m[stay], covariance, pad_sigma)
-        return EarlierFlights(walls, self.space.of_earlier_flight(), self.tried)
+        spaces = tuple(space.of_earlier_flight() for space in self.spaces)
+        return EarlierFlights(walls, spaces, self.tried, self.overhead)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +126,11 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     flights = [
         _of_one(number, each, m, x, (lines, found.wall_of)) for number, each in enumerate(flown)
     ]
-    space = Occupancy()
+    layers = max(len(each.rays) for each in flown)
+    spaces = tuple(Occupancy() for _ in range(layers))
     for each, flight in zip(flown, flights, strict=True):
-        draw_onto(space, each.rays, flight.poses)
+        for space, rays in zip(spaces, each.rays, strict=False):
+            draw_onto(space, rays, flight.poses)
     walls = wall_segments(
         lines,
         np.concatenate([flight.points_ne_m for flight in flights]),
@@ -160,15 +170,26 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         left_out,
         joint.estimate,
         reach_m(x, project(x, m).points, found.wall_of),
-        space,
+        spaces,
         _tried(flown),
+        np.concatenate([_overhead(each, start) for each, start in zip(flown, starts, strict=True)]),
         found.listed,
     )
 
 
-def _tried(flown: Sequence[Flown]) -> tuple[Places, ...]:
-    """Targets of all looks, each once: a flight that knew earlier flights has theirs, too."""
-    return tuple(dict.fromkeys(places for each in flown for places in each.tried))
+def _tried(flown: Sequence[Flown]) -> tuple[tuple[Places, ...], ...]:
+    """Targets of all looks in each layer, each once: later flights have those of earlier ones."""
+    by_layer = zip_longest(*(each.tried for each in flown), fillvalue=())
+    return tuple(tuple(dict.fromkeys(chain.from_iterable(layer))) for layer in by_layer)
+
+
+def _overhead(flown: Flown, start: Array) -> Array:
+    """(n, 4): readings of a flight's up beam, in the frame of the map. `start` (3,): as solved."""
+    own_start = flown.x.poses[0, : YAW + 1]
+    readings = flown.overhead.copy()
+    off_m = points_to_frd(readings[:, :2] - own_start[:YAW], float(own_start[YAW] - start[YAW]))
+    readings[:, :2] = start[:YAW] + off_m
+    return readings
 
 
 def _of_one(

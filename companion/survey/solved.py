@@ -19,7 +19,13 @@ import numpy as np
 from companion.app import level_units
 from companion.config.settings import SensorsConfig
 from companion.core.messages import Surface
-from companion.earlier import places_as_arrays, places_of_arrays
+from companion.earlier import (
+    TRIED,
+    layers_as_arrays,
+    layers_of_arrays,
+    places_as_arrays,
+    places_of_arrays,
+)
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.odometry_model import OdometryModel
@@ -32,6 +38,8 @@ from companion.survey.flights import Flown
 
 FOLDER = "solved"
 """Name of the folder beside the recordings."""
+_RAYS = "rays."
+"""Prefix of the arrays' names."""
 _OF_X = ("poses", "walls", "reach_m", "calibration")
 """Arrays of `Unknowns`."""
 
@@ -104,9 +112,10 @@ def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
         "frames": flown.record.frames,
         "hits": flown.record.hits,
         "wall_of": flown.wall_of,
-        "rays": flown.rays,
         **{name: getattr(flown.x, name) for name in _OF_X},
-        **places_as_arrays(flown.tried),
+        "overhead": flown.overhead,
+        **layers_as_arrays(_RAYS, [{"all": rays} for rays in flown.rays]),
+        **layers_as_arrays(TRIED, [places_as_arrays(layer) for layer in flown.tried]),
     }
     file = io.BytesIO()
     np.savez_compressed(file, **arrays)
@@ -134,11 +143,12 @@ def _load(recording: Path, sensors: SensorsConfig) -> Flown | None:
                 values["knows_earlier_flights"],
                 Unknowns(**{each: archive[each] for each in _OF_X}),
                 archive["wall_of"],
-                archive["rays"],
+                tuple(layer["all"] for layer in layers_of_arrays(_RAYS, archive)),
                 values["ceiling_m"],
                 values["floor_m"],
                 tuple(_surface(top) for top in values["tops"]),
-                places_of_arrays(archive),
+                tuple(places_of_arrays(layer) for layer in layers_of_arrays(TRIED, archive)),
+                archive["overhead"],
             )
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None

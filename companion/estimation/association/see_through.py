@@ -60,19 +60,19 @@ def passages(
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Straight pieces of wall, ordered by flight, wall and position, (p,)."""
+    """Straight pieces of wall, ordered by view, wall and position, (p,)."""
 
-    flight: Indices
-    """Flight that detected it."""
+    view: Indices
+    """Flight and level that detected it, as one number."""
     wall: Indices
     low_m: Array
     """Position along the wall, m."""
     high_m: Array
 
-    def at(self, flight: Indices, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
-        """The flights' pieces at positions on walls (n,), and a mask of the positions with one."""
+    def at(self, view: Indices, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
+        """The views' pieces at positions on walls (n,), and a mask of the positions with one."""
         walls = int(max(self.wall.max(), wall.max(initial=0))) + 1
-        own, number = walls * self.flight + self.wall, walls * flight + wall
+        own, number = walls * self.view + self.wall, walls * view + wall
         before = np.searchsorted(FAR_M * own + self.low_m, FAR_M * number + along_m) - 1
         piece = np.maximum(before, 0)
         inside = (before >= 0) & (own[piece] == number) & (along_m < self.high_m[piece])
@@ -83,8 +83,8 @@ class Pieces:
 class Crossings:
     """Which beams ended on pieces of wall, and which passed through.
 
-    A piece belongs to one flight, and only beams of that flight count: between two flights a door
-    may be shut, and furniture may move.
+    A piece belongs to one flight at one level, and only beams of that view count: between two
+    flights a door may be shut, and furniture may move; a higher level sees over a low wall.
     """
 
     pieces: Pieces
@@ -116,14 +116,14 @@ class Crossings:
         """Cut the walls into pieces of at most `piece_m`, and find the beams that cross them."""
         hit = np.flatnonzero(wall_of != NO_WALL)
         order, along, is_first = in_rows(
-            x, rays.points[hit], wall_of[hit], opening_m, rays.flight[hit]
+            x, rays.points[hit], wall_of[hit], opening_m, rays.view[hit]
         )
         hit = hit[order]
         is_first |= np.diff(np.floor(along / piece_m), prepend=0) != 0
         first = np.flatnonzero(is_first)
         last = np.append(first[1:], len(hit)) - 1 if len(first) else first
         one = hit[first]
-        pieces = Pieces(rays.flight[one], wall_of[one], along[first], along[last])
+        pieces = Pieces(rays.view[one], wall_of[one], along[first], along[last])
         return cls(pieces, hit, np.cumsum(is_first) - 1, *_passages(x, rays, sigma_m, pieces))
 
 
@@ -143,7 +143,7 @@ def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: Pieces) -> tuple[
         share = from_m[beam, wall] / (from_m[beam, wall] - to_m[beam, wall])
         met = origins[beam] + share[:, None] * (points[beam] - origins[beam])
         along_m = (met * x.tangents[wall]).sum(axis=1)
-        piece, inside = pieces.at(rays.flight[low + beam], wall, along_m)
+        piece, inside = pieces.at(rays.view[low + beam], wall, along_m)
         beams.append(low + beam[inside])
         passed.append(piece[inside])
     return np.concatenate(beams), np.concatenate(passed)

@@ -103,8 +103,9 @@ def _joined_record(flights: Sequence[Measured]) -> Measured:
         averaged_frd_m=_motions([m.averaged_frd_m for m in flights]),
         gap_rad2=_motions([_or_zeros(m.gap_rad2, len(m.dt_s)) for m in flights]),
         late_s=np.concatenate([_or_zeros(m.late_s, len(m.frame)) for m in flights]),
+        height_m=np.concatenate([_or_zeros(m.height_m, len(m.frame)) for m in flights]),
         begins=tuple(begins.tolist()),
-    )
+    ).with_views()
 
 
 def _motions(rows: Sequence[NDArray[Number]]) -> NDArray[Number]:

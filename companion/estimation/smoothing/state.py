@@ -12,6 +12,7 @@ from companion.estimation.smoothing.flight_record import (
     FrameColumn,
     HitColumn,
 )
+from companion.estimation.smoothing.height_levels import levels
 from companion.estimation.smoothing.odometry_model import averaged
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 
@@ -143,6 +144,10 @@ class Measured:
     """(k - 1,): variance of the turn during gyro gaps; None without any."""
     late_s: Array | None = None
     """(n,): time from the last odometry to the measurement, s; None: zero for all hits."""
+    height_m: Array | None = None
+    """(n,): height of the drone above its start, m; None: the same for all hits."""
+    view: Indices | None = None
+    """(n,): flight and level (`height_levels.py`) of each hit as one number; None: the flight."""
     begins: tuple[int, ...] = (0,)
     """First keyframe of each flight."""
 
@@ -172,7 +177,8 @@ class Measured:
             averaged_frd_m=averaged(dt_s, moved_frd_m, turned_rad),
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
             late_s=hits[:, HitColumn.LATE_S],
-        )
+            height_m=-hits[:, HitColumn.DOWN_M],
+        ).with_views()
 
     @property
     def time_s(self) -> Array:
@@ -188,6 +194,22 @@ class Measured:
     def hit_flight(self) -> Indices:
         """(n,): flight of each hit."""
         return np.searchsorted(self.begins, self.frame, side="right") - 1
+
+    @property
+    def hit_view(self) -> Indices:
+        """(n,): flight and level of each hit as one number: the hits of a view saw the same."""
+        return self.hit_flight if self.view is None else self.view
+
+    @property
+    def hit_level(self) -> Indices:
+        """(n,): level of each hit."""
+        return self.hit_view // len(self.begins)
+
+    def with_views(self) -> "Measured":
+        """The same with the levels of all hits."""
+        if self.height_m is None or not (level := levels(self.height_m)).any():
+            return self
+        return replace(self, view=len(self.begins) * level + self.hit_flight)
 
     @property
     def moves(self) -> Indices:
@@ -209,6 +231,8 @@ class Measured:
             distance_m=self.distance_m[hits],
             mount_m=self.mount_m[hits],
             late_s=None if self.late_s is None else self.late_s[hits],
+            height_m=None if self.height_m is None else self.height_m[hits],
+            view=None if self.view is None else self.view[hits],
         )
 
     def between(self, first: int, end: int) -> "Measured":
@@ -232,6 +256,8 @@ class Measured:
             self.averaged_frd_m[motion],
             None if self.gap_rad2 is None else self.gap_rad2[motion],
             None if self.late_s is None else self.late_s[hits],
+            None if self.height_m is None else self.height_m[hits],
+            None if self.view is None else self.view[hits] // len(self.begins),
         )
 
 
@@ -245,8 +271,8 @@ class Rays:
     """(n, 2): unit vectors along the beams."""
     points: Array
     """(n, 2): ends of the beams."""
-    flight: Indices
-    """(n,): flight of each hit."""
+    view: Indices
+    """(n,): flight and level of each hit as one number, as in `Measured.hit_view`."""
 
     @property
     def bearing_rad(self) -> Array:
@@ -285,7 +311,7 @@ def project(x: Unknowns, m: Measured) -> Rays:
     bearing = yaw + m.bearing_rad
     range_m = m.mount_m + unbiased_m(x, m)
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    return Rays(origins, beams, origins + range_m[:, None] * beams, m.hit_flight)
+    return Rays(origins, beams, origins + range_m[:, None] * beams, m.hit_view)
 
 
 def unbiased_m(x: Unknowns, m: Measured) -> Array:

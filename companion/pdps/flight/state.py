@@ -3,6 +3,7 @@
 import enum
 import math
 from dataclasses import field, replace
+from itertools import zip_longest
 
 from companion.core.messages import Command, Fault, Order, Setpoint, VehicleState
 from companion.core.values import value
@@ -13,6 +14,7 @@ from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore
+from companion.pdps.frontiers import Places
 from companion.pdps.layers import Layers
 from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
@@ -153,6 +155,12 @@ class FlightState:
     def is_to_be_continued(self) -> bool:
         """True if it has landed before the mission was complete; another flight can go on."""
         return self.phase is Phase.DONE and not self.completed
+
+    @property
+    def looked_at(self) -> tuple[tuple[Places, ...], ...]:
+        """Targets of all looks in each layer, from the lowest."""
+        by_layer = zip_longest((self.building.tried,), self.layers.all_looked, fillvalue=())
+        return tuple(tuple(look.at_ne_m for each in layer for look in each) for layer in by_layer)
 
     @property
     def activity(self) -> str:

@@ -160,18 +160,10 @@ def test_a_survey_without_flights_and_a_damaged_index_are_refused(tmp_path: Path
         Survey(tmp_path, print)
 
 
-@pytest.mark.parametrize(
-    ("key", "remedy"), [("recording.enabled=false", "set it to true"), ("kind=layers", "building")]
-)
-def test_a_survey_that_cannot_be_made_is_refused_before_take_off(
-    tmp_path: Path, key: str, remedy: str
-) -> None:
+def test_a_survey_that_cannot_be_made_is_refused_before_take_off(tmp_path: Path) -> None:
     config = tmp_path / "companion.toml"
-    section, _, assignment = key.rpartition(".")
-    name, value = assignment.split("=")
-    quoted = value if value == "false" else f'"{value}"'
-    config.write_text(f"[{section or 'mission'}]\n{name} = {quoted}\n")
+    config.write_text("[recording]\nenabled = false\n")
     refused = run("companion", "fly", f"--config={config}", f"--survey={tmp_path / 'survey'}")
     assert refused.returncode == 2, refused.stdout + refused.stderr
-    assert remedy in refused.stderr
+    assert "set it to true" in refused.stderr
     assert not (tmp_path / "survey").exists()

@@ -1,0 +1,58 @@
+"""Tests that a survey goes on with a mission over several heights."""
+
+import numpy as np
+import pytest
+
+from companion.config import settings
+from companion.earlier import EarlierFlights
+from companion.survey.left import left_to_fly
+from sitl.running.sorties import PAD, Sorties
+from sitl.sensors.beam import RAY
+from sitl.simulation.simulation import Setup
+from sitl.testing.flight import ReportView
+from sitl.world.format import Walls, World
+
+pytestmark = pytest.mark.flights
+
+BATTERY_S = 70.0
+"""Enough for one layer."""
+WORLD = World(
+    name="two layers",
+    height_m=2.8,
+    walls=(
+        Walls(points=((0, 0), (5, 0), (5, 4.4), (0, 4.4)), closed=True),
+        Walls(points=((3.2, 0), (3.2, 1.5)), top_m=1.5),
+    ),
+    starts=({"name": "pad", "position": (1.4, 2.4), "heading_deg": 20},),
+)
+"""A room with a partition that ends below the second layer."""
+SETTINGS = settings.load(
+    None, {"mission.kind": "layers", "mission.time_limit_s": BATTERY_S, "mission.clearance_m": 0.2}
+)
+
+
+def test_later_flights_go_on_in_the_layer_that_is_left() -> None:
+    """The partition stays in the map, although the higher layer sees over it."""
+    setup = Setup(
+        WORLD, "two layers", 3, SETTINGS.sensors, "ardupilot", {}, RAY, battery_s=BATTERY_S
+    )
+    flown = list(Sorties(setup, SETTINGS, lambda _: None, tell=print).fly(4))
+    assert not flown[0].flight["completed"]
+    assert flown[-1].flight["completed"], [each.flight["ending"] for each in flown]
+    first, last = (each.merged.for_next_flight(PAD.sigma) for each in (flown[0], flown[-1]))
+    assert left_to_fly(first, SETTINGS).in_words() == "left: the layers above"
+    assert left_to_fly(last, SETTINGS).is_nothing
+    joint = ReportView(flown[-1].joint)
+    assert joint.collisions == 0
+    assert joint.coverage > 0.95
+    assert not flown[-1].merged.changes
+    lengths_m = [wall.length_m for wall in flown[-1].merged.plan.walls]
+    assert sum(length_m == pytest.approx(1.5, abs=0.2) for length_m in lengths_m) == 1
+
+    read_again = EarlierFlights.from_bytes(last.to_bytes())
+    assert [space.free.sum() for space in read_again.spaces] == [
+        space.free.sum() for space in last.spaces
+    ]
+    assert len(read_again.spaces) == 2
+    assert read_again.viewpoints == last.viewpoints
+    assert np.array_equal(read_again.overhead, last.overhead)
