@@ -12,14 +12,15 @@ A repeated visit to a wall may belong to another wall (`split_revisits.py`): it 
 whole stretch may be offset from the map (`shift_stretches.py`): it is shifted.
 
 After the flight an alternative is first solved alone: only the hits of its stretch are associated
-again, the rest of the map stays. Only if it then explains all measurements better are all hits
-associated again, and it is kept only if it still does. The odometry may be the wrong one.
+again, the rest of the map stays. Of several flights only its own is solved (`one_flight.py`). Only
+if it then explains all measurements better are all hits associated again, and it is kept only if it
+still does. The odometry may be the wrong one.
 """
 
 import itertools
 import math
 from collections.abc import Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
 from companion.estimation.hypotheses.chi_square import WALL_COST, cost
 from companion.estimation.hypotheses.fewer_walls import with_fewer_walls
+from companion.estimation.hypotheses.one_flight import Flights, OneFlight
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
 from companion.estimation.hypotheses.split_revisits import split, split_candidates
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
@@ -68,11 +70,14 @@ that fitted no wall before, and now fit a new one, would count as relief."""
 class Alternative:
     """A changed association, solved while all other hits keep their walls."""
 
-    estimate: Estimate
+    x: Unknowns
+    """Unknowns of all flights."""
     gates: Sequence[Gate]
     """Gates of the association of all hits that follows."""
-    slack: float = 0.0
-    """χ² that this association may save besides."""
+    saved: float
+    """χ² that it saves, or that the association of all hits may save."""
+    relief: float
+    """χ² of odometry and gyro that it saves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +134,9 @@ class HypothesisSearch:
             odometry = self.smoother.models.odometry
             worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
-            alternatives = (self._bridged(suspect, estimate) for suspect in stretches.values())
-            max_strain = self._strain(estimate) - MIN_RELIEF
-            likelier = yield from self._likelier(alternatives, estimate, max_strain)
+            flights = self._flights(estimate)
+            alternatives = (self._bridged(suspect, flights) for suspect in stretches.values())
+            likelier = yield from self._likelier(alternatives, estimate, MIN_RELIEF)
             if likelier is None:
                 tried |= stretches.keys()
                 break
@@ -143,7 +148,8 @@ class HypothesisSearch:
         """Search stretches that would fit the hits before and after them better elsewhere."""
         for _ in range(MAX_SHIFTS):
             found = yield from shifts(estimate, self.m, self.smoother.models.ranges)
-            alternatives = (self._shifted(shift, estimate) for shift in found[:MAX_TRIED])
+            flights = self._flights(estimate)
+            alternatives = (self._shifted(shift, flights) for shift in found[:MAX_TRIED])
             likelier = yield from self._likelier(alternatives, estimate)
             if likelier is None:
                 break
@@ -154,7 +160,8 @@ class HypothesisSearch:
         """Search repeated visits that may belong to another wall."""
         for _ in range(MAX_ROUNDS):
             visits = yield from split_candidates(self.smoother, estimate, self.m, self.prior)
-            alternatives = (self._split(hits, estimate) for hits in visits[:MAX_TRIED])
+            flights = self._flights(estimate)
+            alternatives = (self._split(hits, flights) for hits in visits[:MAX_TRIED])
             likelier = yield from self._likelier(alternatives, estimate)
             if likelier is None:
                 break
@@ -165,20 +172,19 @@ class HypothesisSearch:
         self,
         alternatives: Iterable[Generator[None, None, Alternative]],
         estimate: Estimate,
-        max_strain: float = math.inf,
+        min_relief: float = -math.inf,
     ) -> Generator[None, None, Estimate | None]:
         """The first alternative with a lower χ²; None if there is none.
 
-        `max_strain`: largest χ² of odometry and gyro alone.
+        `min_relief`: least χ² of odometry and gyro that it saves.
         """
         likely = self._cost(estimate)
         for work in alternatives:
             alternative = yield from work
-            alone = alternative.estimate
-            if self._cost(alone) - alternative.slack >= likely or self._strain(alone) > max_strain:
+            if alternative.saved <= 0 or alternative.relief < min_relief:
                 continue
             again = yield from self.smoother.smoothing(
-                alone.x, self.m, self.prior, alternative.gates
+                alternative.x, self.m, self.prior, alternative.gates
             )
             if self._cost(again) < likely:
                 return again
@@ -191,10 +197,32 @@ class HypothesisSearch:
     def _cost(self, estimate: Estimate) -> float:
         return cost(self.smoother, estimate, self.m, self.prior)
 
-    def _bridged(self, suspect: Mask, estimate: Estimate) -> Generator[None, None, Alternative]:
+    def _flights(self, estimate: Estimate) -> Flights:
+        return Flights(self.smoother, estimate, self.m, self.prior)
+
+    def _of(self, flight: OneFlight) -> "HypothesisSearch":
+        """The search in one flight."""
+        return replace(self, m=flight.m, prior=flight.prior)
+
+    def _weighed(
+        self, joint: Estimate, flight: OneFlight, alone: Estimate, gates: Sequence[Gate]
+    ) -> Alternative:
+        """An alternative of one flight."""
+        one = self._of(flight)
+        return Alternative(
+            flight.put_into(joint.x, alone.x),
+            gates,
+            one._cost(flight.estimate) - one._cost(alone),
+            one._strain(flight.estimate) - one._strain(alone),
+        )
+
+    def _bridged(self, suspect: Mask, flights: Flights) -> Generator[None, None, Alternative]:
         """Odometry bridges the masked keyframes (k,); then their hits are associated again."""
-        x, wall_of = yield from self._released(suspect, estimate)
-        return (yield from self._reassociated(x, wall_of, suspect))
+        flight = flights.with_frames(suspect)
+        one, own = self._of(flight), suspect[flight.frames]
+        x, wall_of = yield from one._released(own, flight.estimate)
+        alone = yield from one._reassociated(x, wall_of, own)
+        return self._weighed(flights.estimate, flight, alone, BRIDGED_GATES)
 
     def _released(
         self, suspect: Mask, estimate: Estimate
@@ -210,24 +238,31 @@ class HypothesisSearch:
             self.smoother.step(x, self.m, wall_of, self.prior)
             yield
 
-    def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Alternative]:
+    def _shifted(self, shift: Shift, flights: Flights) -> Generator[None, None, Alternative]:
         """A stretch is shifted; then its hits are associated again."""
         suspect = (self.m.time_s >= shift.begin_s) & (self.m.time_s < shift.end_s)
-        x = shifted(estimate.x, self.m, shift)
-        return (yield from self._reassociated(x, estimate.wall_of, suspect))
+        flight = flights.with_frames(suspect)
+        x = flight.of(shifted(flights.estimate.x, self.m, shift))
+        alone = yield from self._of(flight)._reassociated(
+            x, flight.estimate.wall_of, suspect[flight.frames]
+        )
+        return self._weighed(flights.estimate, flight, alone, BRIDGED_GATES)
 
-    def _split(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Alternative]:
+    def _split(self, hits: Indices, flights: Flights) -> Generator[None, None, Alternative]:
         """Some hits of a wall get a wall of their own.
 
         That wall may coincide with another, and is then merged with it.
         """
-        alternative = split(estimate, [hits])
-        yield from self._stepped(alternative.x, alternative.wall_of)
-        return Alternative(alternative, self._narrow_gates, slack=WALL_COST)
+        flight = flights.with_hit(int(hits[0]))
+        own = hits[(hits >= flight.hits.start) & (hits < flight.hits.stop)] - flight.hits.start
+        alone = split(flight.estimate, [own])
+        yield from self._of(flight)._stepped(alone.x, alone.wall_of)
+        alternative = self._weighed(flights.estimate, flight, alone, self._narrow_gates)
+        return replace(alternative, saved=alternative.saved + WALL_COST)
 
     def _reassociated(
         self, x: Unknowns, wall_of: Indices, suspect: Mask
-    ) -> Generator[None, None, Alternative]:
+    ) -> Generator[None, None, Estimate]:
         """Associate the hits of the masked keyframes (k,) again; others keep their walls."""
         hits = suspect[self.m.frame]
         part, wall_of = self.m.with_hits(hits), wall_of.copy()
@@ -238,7 +273,7 @@ class HypothesisSearch:
             wall_of = x.keep_walls(used, wall_of)
             solution = self.smoother.step(x, self.m, wall_of, self.prior)
             yield
-        return Alternative(Estimate(x, wall_of, solution), BRIDGED_GATES)
+        return Estimate(x, wall_of, solution)
 
 
 def most_likely(smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPrior) -> Estimate:

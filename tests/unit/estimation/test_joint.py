@@ -7,12 +7,13 @@ import pytest
 
 from companion.core.arrays import Array
 from companion.estimation.association.pruning import Support
+from companion.estimation.hypotheses.one_flight import Flights
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoothing.joint import PlacedFlight, joined, moved_to
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother
-from companion.estimation.smoothing.state import Measured, to_ned
+from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, Measured, to_ned
 from tests.unit.estimation.test_association import ROOM, UNITS, Segment, fly, mapped
 
 SMOOTHER = Smoother(Models(UNITS), Support())
@@ -84,3 +85,30 @@ def seen_from(start: Array) -> list[Segment]:
     ends = np.array(ROOM).reshape(-1, 2)
     moved = origin[:2] + to_ned(ends, np.full(len(ends), origin[2]))
     return [((a, b), (c, d)) for a, b, c, d in moved.reshape(-1, 4).tolist()]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_one_flight_with_the_others_as_a_prior_takes_the_step_of_the_joint_solution(
+    number: int,
+) -> None:
+    """Identity of the Schur complement: far from the solution, too."""
+    flights = [
+        placed(flown(PATHS[i % 2], seed, scale), np.zeros(3))
+        for i, (seed, scale) in enumerate(((7, 0.03), (8, -0.02), (9, 0.0)))
+    ]
+    m, x, prior = joined(SMOOTHER, flights)
+    solution = SMOOTHER.smooth(x, m, prior, FINAL_GATES)
+    draw = np.random.default_rng(number)
+    x.poses[:, :3] += draw.normal(0, 0.01, (len(x.poses), 3))
+    x.walls += draw.normal(0, 0.01, x.walls.shape)
+    joint = SMOOTHER.system(x, m, solution.wall_of, prior).solve()
+
+    frames = m.flight == number
+    one = Flights(SMOOTHER, Estimate(x, solution.wall_of, joint), m, prior).with_frames(frames)
+    alone = SMOOTHER.system(one.estimate.x, one.m, one.estimate.wall_of, one.prior).solve()
+    walls = len(x.walls) * WALL_SIZE
+    assert alone.shared[-walls:] == pytest.approx(joint.shared[-walls:], abs=1e-6)
+    assert alone.chained == pytest.approx(joint.chained[np.repeat(frames, POSE_SIZE)], abs=1e-6)
+
+    assert one.put_into(x, one.of(x)).poses == pytest.approx(x.poses)
+    assert one.prior.cost(one.estimate.x) == 0
