@@ -97,6 +97,7 @@ class Estimator:
         """Autopilot turn before take-off, rad."""
         self.dead_reckoning = DeadReckoning()
         """Dead reckoning by gyro and odometry, with the corrections known at the time; no steps."""
+        self._solution: tuple[Measured, Estimate] | None = None
         if earlier is not None:
             self._begin_among(earlier)
 
@@ -197,6 +198,7 @@ class Estimator:
 
     def see(self, scan: RangeScan) -> None:
         """Process one scan of the horizontal beams."""
+        self._solution = None
         pose = self.pose(scan.time_s)
         self.record.advance(
             pose, self._raw.ne_m, self._raw.yaw_rad, self._autopilot_yaw_rad(scan.time_s)
@@ -264,18 +266,18 @@ class Estimator:
         )
 
     def solved(self) -> tuple[Measured, Estimate]:
-        """The measurements of the whole flight, and their most likely solution.
+        """The measurements of the whole flight, and their most likely solution; made once.
 
         Raises:
             LinAlgError: the equations cannot be solved.
         """
-        smoother = self._smoother
-        m = smoother.models.measured(self.record)
-        x = self._as_flown()
-        walls = self._walls()
-        x.add_walls(walls.lines, walls.reach_m)
-        x.odometry_scale[:] = 0.0
-        return m, most_likely(smoother, x, m, self._prior())
+        if self._solution is None:
+            m = self._smoother.models.measured(self.record)
+            x, walls = self._as_flown(), self._walls()
+            x.add_walls(walls.lines, walls.reach_m)
+            x.odometry_scale[:] = 0.0
+            self._solution = m, most_likely(self._smoother, x, m, self._prior())
+        return self._solution
 
     def so_far(self) -> SolvedFlight:
         """The flight by the current estimate, without a new smoothing."""
@@ -290,9 +292,7 @@ class Estimator:
         return x
 
     def improve(self, now_s: float) -> None:
-        """Do one piece of the in-flight smoothing.
-
-        When the last piece completes, restart the filters from the result.
+        """Do one piece of the in-flight smoothing; after the last, the filters restart from it.
 
         Pose and walls make a step then.
         """
