@@ -7,7 +7,8 @@ from itertools import pairwise
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation import travel as travelling
 from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
 from companion.navigation.observation import Observation

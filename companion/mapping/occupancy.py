@@ -8,7 +8,6 @@ cells are distinct.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Self
 
@@ -18,6 +17,7 @@ from scipy.ndimage import binary_closing, binary_dilation
 
 from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
+from companion.mapping.rays import Ray, Rays
 
 CELL_M = 0.1
 """Size of a cell, m. Chosen."""
@@ -52,42 +52,6 @@ FREE_TO_SIGMAS = 2.0
 
 LogOdds = NDArray[np.float32]
 Bits = NDArray[np.uint8]
-
-
-@dataclass(frozen=True, slots=True)
-class Ray:
-    """One reading from one position, local NED. `end_m` is measured from the drone's centre."""
-
-    origin_ne_m: Vector2
-    bearing_rad: float
-    end_m: float
-    sigma_m: float
-    is_hit: bool
-    """False: no return up to `end_m`."""
-    time_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Rays:
-    """Many readings, (r, 2) and (r,)."""
-
-    origin_ne_m: Array
-    bearing_rad: Array
-    end_m: Array
-    sigma_m: Array
-    is_hit: Mask
-    time_s: Array
-
-    @classmethod
-    def of(cls, rays: Sequence[Ray]) -> "Rays":
-        return cls(
-            np.array([ray.origin_ne_m for ray in rays]).reshape(-1, 2),
-            np.array([ray.bearing_rad for ray in rays]),
-            np.array([ray.end_m for ray in rays]),
-            np.array([ray.sigma_m for ray in rays]),
-            np.array([ray.is_hit for ray in rays], dtype=np.bool_),
-            np.array([ray.time_s for ray in rays]),
-        )
 
 
 class _Layers(NamedTuple):
@@ -260,6 +224,24 @@ class Occupancy:
         """Occupied cells within about this distance: middles (n, 2) and last hits' times (n,)."""
         cells = self._near(place_ne_m, within_m, lambda near: near.log_odds > OCCUPIED_ABOVE)
         return self._middles(cells), self._layers.met_s[cells[:, 0], cells[:, 1]]
+
+    def is_met_near(self, places_ne_m: Array, within_m: float) -> Mask:
+        """(n,): True for places (n, 2) with the middle of an occupied cell within a distance."""
+        reach = math.ceil(within_m / CELL_M)
+        around = np.indices((2 * reach + 1,) * 2).reshape(2, -1) - reach
+        rows, columns = (
+            self._indices(places_ne_m[:, axis, None], axis) + around[axis] for axis in (0, 1)
+        )
+        off_m = [
+            CELL_M * (cells + self._low[axis] + 0.5) - places_ne_m[:, axis, None]
+            for axis, cells in enumerate((rows, columns))
+        ]
+        is_near = np.hypot(*off_m) <= within_m
+        is_near &= (rows >= 0) & (rows < self.shape[0])
+        is_near &= (columns >= 0) & (columns < self.shape[1])
+        is_near[is_near] = self._layers.log_odds[rows[is_near], columns[is_near]] > OCCUPIED_ABOVE
+        met: Mask = is_near.any(axis=1)
+        return met
 
     def met_before(
         self, time_s: float, place_ne_m: Vector2, within_m: float, flown_m: float

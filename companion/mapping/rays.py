@@ -1,9 +1,13 @@
-"""Converts range readings to rays of the occupancy grid, with and without a hit."""
+"""Rays of the occupancy grid, from range readings with and without a hit."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from companion.core.frames import wrap_rad
+import numpy as np
+
+from companion.core.arrays import Array, Mask
+from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -13,10 +17,45 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
-from companion.mapping.occupancy import Ray
 
 SEES_SIGMA_M = 0.15
 """Largest noise at which the sensor reliably detects an obstacle, m. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ray:
+    """One reading from one position, local NED. `end_m` is measured from the drone's centre."""
+
+    origin_ne_m: Vector2
+    bearing_rad: float
+    end_m: float
+    sigma_m: float
+    is_hit: bool
+    """False: no return up to `end_m`."""
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Many readings, (r, 2) and (r,)."""
+
+    origin_ne_m: Array
+    bearing_rad: Array
+    end_m: Array
+    sigma_m: Array
+    is_hit: Mask
+    time_s: Array
+
+    @classmethod
+    def of(cls, rays: Sequence[Ray]) -> "Rays":
+        return cls(
+            np.array([ray.origin_ne_m for ray in rays]).reshape(-1, 2),
+            np.array([ray.bearing_rad for ray in rays]),
+            np.array([ray.end_m for ray in rays]),
+            np.array([ray.sigma_m for ray in rays]),
+            np.array([ray.is_hit for ray in rays], dtype=np.bool_),
+            np.array([ray.time_s for ray in rays]),
+        )
 
 
 def sees_to_m(sensor: RangeModel) -> float:

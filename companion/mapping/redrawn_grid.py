@@ -19,7 +19,8 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd, wrap_rad
-from companion.mapping.occupancy import CELL_M, Occupancy, Ray, Rays
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.rays import Ray, Rays
 
 RAYS_PER_PIECE = 200
 """Rays drawn per tick. Chosen."""

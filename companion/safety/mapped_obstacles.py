@@ -18,7 +18,6 @@ pole. The memory keeps it until beams have passed through all of its width.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from companion.core.arrays import Array
 from companion.core.frames import points_to_frd
@@ -64,10 +63,5 @@ def unmapped_ne_m(grid: Occupancy, pose: Pose, measured_frd_m: Array) -> Array:
     if not len(measured_frd_m):
         return measured_frd_m
     points_ne_m = points_to_frd(measured_frd_m, -pose.yaw_rad) + pose.ne_m
-    reach_m = float(np.hypot(*measured_frd_m.T).max()) + MAPPED_M
-    mapped_ne_m, _ = grid.met_near(pose.ne_m, reach_m)
-    if not len(mapped_ne_m):
-        return points_ne_m
-    off_m, _ = cKDTree(mapped_ne_m).query(points_ne_m)
-    unmapped: Array = points_ne_m[off_m > MAPPED_M]
+    unmapped: Array = points_ne_m[~grid.is_met_near(points_ne_m, MAPPED_M)]
     return unmapped

@@ -172,10 +172,12 @@ class SweptGrid:
         Beside the path, space has to be swept as far as the drone may have drifted since its beams
         swept the path: an obstacle there may stand in the path by now.
         """
-        ahead, aside = _axes(bearing_rad)
         samples = self._samples
-        places = samples.ahead_m[..., None] * ahead + samples.aside_m[..., None] * aside
-        age_s = now_s - self.when_s(places + place_ne_m)
+        north_m, east_m = (
+            (samples.ahead_m * ahead + samples.aside_m * aside) + here_m
+            for ahead, aside, here_m in zip(*_axes(bearing_rad), place_ne_m, strict=True)
+        )
+        age_s = now_s - self._when_s[self._number(north_m), self._number(east_m)]
         is_unswept = age_s >= LATELY_S
         oldest_s = np.where(is_unswept, 0.0, age_s)[:, samples.is_body].max(axis=1)
         drifted_m = DRIFT_SIGMAS * drift.sigma_m(oldest_s)
@@ -193,8 +195,12 @@ class SweptGrid:
         return when_s
 
     def _cells(self, places_ne_m: Array) -> tuple[Indices, Indices]:
-        cells = np.floor(places_ne_m / self._spec.cell_m).astype(np.int64) & self._spec.wrap
+        cells = self._number(places_ne_m)
         return cells[..., 0], cells[..., 1]
+
+    def _number(self, metres: Array) -> Indices:
+        """Row or column of coordinates, wrapped around."""
+        return np.floor(metres / self._spec.cell_m).astype(np.int64) & self._spec.wrap
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.estimation.filters.height_filter import Height
 from companion.mapping.low_ceilings import Overhead
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.grid_planner import find_ground, find_ways
 
 TICK_S = 0.05

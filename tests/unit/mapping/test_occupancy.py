@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.mapping.occupancy import CELL_M, Occupancy, Ray
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.rays import Ray
 
 PLACE = st.tuples(st.floats(-30, 30), st.floats(-30, 30))
 

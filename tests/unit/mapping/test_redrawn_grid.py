@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.mapping import redrawn_grid as spaces
-from companion.mapping.occupancy import Ray
+from companion.mapping.rays import Ray
 from companion.mapping.redrawn_grid import RedrawnGrid
 
 STEP_M, KEYFRAMES = 0.1, 400

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation import sweep as sweeping
 from companion.navigation import travel as travelling
 from companion.navigation.doorways import Doorway

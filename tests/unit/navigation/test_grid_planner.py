@@ -4,7 +4,7 @@ from itertools import pairwise, product
 
 import pytest
 
-from companion.mapping.occupancy import Ray
+from companion.mapping.rays import Ray
 from tests.grids import length_m, open_ground, ways_from
 
 

@@ -8,7 +8,8 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.mapping.heights import Heights
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.landing_site import landing_site
 
 PLAN = MissionConfig()

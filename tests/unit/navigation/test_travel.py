@@ -8,7 +8,7 @@ import pytest
 
 from companion.core.frames import moved
 from companion.core.messages import HOLD
-from companion.mapping.occupancy import Ray
+from companion.mapping.rays import Ray
 from companion.navigation import travel as travelling
 from companion.navigation.path_follower import (
     ARRIVED_M,

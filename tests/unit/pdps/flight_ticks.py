@@ -15,7 +15,8 @@ from companion.core.messages import (
     VehicleState,
 )
 from companion.mapping.heights import Heights
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.observation import Observation
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightAction, FlightState, Phase, TickInput

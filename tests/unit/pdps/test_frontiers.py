@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.pdps.frontiers import TRIES, frontiers, vague_surfaces
 from companion.pdps.viewpoints import MIN_SHOWN, Viewpoint, looks
 from tests.grids import (

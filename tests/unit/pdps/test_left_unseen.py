@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.pdps.frontiers import Places
 from companion.pdps.left_unseen import in_words, left_unseen
 

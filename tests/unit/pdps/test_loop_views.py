@@ -17,7 +17,8 @@ from companion.core.messages import Beam, Pose, RangeReading, RangeState
 from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
 from companion.estimation.filters.position_filter import WALLS, LineSlam, Wall
 from companion.estimation.smoothing.odometry_model import OdometryModel
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
 from companion.navigation.observation import Observation
 from companion.pdps.explore import Explore, ExplorePhase, step

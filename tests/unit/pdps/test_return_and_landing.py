@@ -7,7 +7,8 @@ import pytest
 
 from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.mapping.heights import Heights
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.energy_reserve import Reserve, Spent
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase

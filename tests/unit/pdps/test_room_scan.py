@@ -10,7 +10,8 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.navigation.observation import Observation
 from companion.pdps.room_scan import step
 from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase

@@ -7,7 +7,8 @@ import pytest
 
 from companion.core.frames import points_to_frd
 from companion.core.messages import Pose, Setpoint
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import Ray
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.obstacle_points import KEPT_S
