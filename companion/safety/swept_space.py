@@ -137,6 +137,8 @@ class SweptGrid:
         self._when_s = np.full((spec.cells, spec.cells), -math.inf)
         self._hull = _disc(spec)
         self._along_m = np.arange(0.0, spec.to_m, spec.step_m)
+        self._offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, spec.step_m)
+        """Samples across the width of a leg, m."""
         self._samples = _PathSamples.of(spec)
 
     def free_hull(self, place_ne_m: Vector2, time_s: float) -> None:
@@ -156,13 +158,16 @@ class SweptGrid:
 
     def _prove(self, eye_ne_m: Vector2, middle: Array, aside: Array, time_s: float) -> None:
         """Mark the cells with their middle within half a leg's width of the beam."""
-        cell_m = self._spec.cell_m
-        offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._spec.step_m)
-        near = (middle[:, None] + offsets_m[:, None] * aside).reshape(-1, 2)
-        numbers = np.floor(near / cell_m).astype(np.int64)
-        off_m = np.abs(((numbers + 0.5) * cell_m - eye_ne_m) @ aside)
-        proved = numbers[off_m < LEG_M / 2] & self._spec.wrap
-        self._when_s[tuple(proved.T)] = time_s
+        cell_m, wrap = self._spec.cell_m, self._spec.wrap
+        north, east = (
+            np.floor((middle[:, axis, None] + self._offsets_m * aside[axis]) / cell_m)
+            for axis in (0, 1)
+        )
+        off_m = ((north + 0.5) * cell_m - eye_ne_m[0]) * aside[0]
+        off_m += ((east + 0.5) * cell_m - eye_ne_m[1]) * aside[1]
+        proved = np.abs(off_m) < LEG_M / 2
+        rows, columns = (each[proved].astype(np.int64) & wrap for each in (north, east))
+        self._when_s[rows, columns] = time_s
 
     def lane(
         self, place_ne_m: Vector2, bearing_rad: float, now_s: float, drift: Drift = NO_DRIFT
