@@ -40,8 +40,6 @@ def _end_as_by_ctrl_c() -> None:
 
 
 DEFAULT_PROFILE = "gp2y0a710k0f"
-FIRST_START = (None, "1")
-"""The first start of a world, or of a plan in a folder."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
@@ -208,24 +206,21 @@ def surveys(
     """Fly surveys on all cores: several flights from one pad, with one joint map."""
     from companion.export.map_files import save_as  # noqa: PLC0415 - slow to load
     from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
-    from sitl.bench.sets import jobs_for  # noqa: PLC0415
+    from sitl.bench.sets import from_first_starts, jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.surveys import SurveyJob, failed, fly, lost, sum_up, survey_table  # noqa: PLC0415
 
-    jobs = [
-        SurveyJob(job, sorties, single)
-        for job in jobs_for(
-            worlds or ["paper"],
-            seeds,
-            [profile],
-            "building",
-            autopilot=autopilot,
-            crop_m=crop,
-            battery_s=battery_s,
-            clutters=[clutter],
-        )
-        if job.options.start in FIRST_START
-    ]
+    flights = jobs_for(
+        worlds or ["paper"],
+        seeds,
+        [profile],
+        "building",
+        autopilot=autopilot,
+        crop_m=crop,
+        battery_s=battery_s,
+        clutters=[clutter],
+    )
+    jobs = [SurveyJob(job, sorties, single) for job in from_first_starts(flights)]
     ended: list[SurveyFlown] = []
 
     def progress_text(flown: "SurveyFlown") -> str:

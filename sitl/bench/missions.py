@@ -83,11 +83,16 @@ def fly_and_show(
 
     def progress_text(flown: Flown) -> str:
         keep(flown)
-        row = flown.row
-        verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
-        return f"{row['world']} {verdict}"
+        return ending_in_words(flown)
 
     return with_a_bar(jobs, progress_text, fly, lost)
+
+
+def ending_in_words(flown: Flown) -> str:
+    """One line of progress."""
+    row = flown.row
+    verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
+    return f"{row['world']} {verdict}"
 
 
 def lost(job: Job, why: str) -> Flown:

@@ -25,6 +25,11 @@ Place = tuple[str, str | None]
 """An argument of `load_world`, and the number of a start pose; None is the first."""
 
 
+def from_first_starts(jobs: Sequence[Job]) -> list[Job]:
+    """The flights from the first start of each world, or of each plan in a folder."""
+    return [job for job in jobs if job.options.start in (None, "1")]
+
+
 def jobs_for(
     worlds: Sequence[str],
     seeds: int,

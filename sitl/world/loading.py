@@ -6,7 +6,7 @@ from pathlib import Path
 
 from companion.core.textfile import NotTextError, read_text
 from sitl.world.format import World, WorldError, parse_world
-from sitl.world.generator import random_world, seed_of
+from sitl.world.generator import named
 from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
 
@@ -25,8 +25,8 @@ IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
 }
 """Importers by the file's suffix in lower case."""
 
-RANDOM = "random_SEED such as random_17"
-"""Pattern of the names of random buildings, for messages."""
+RANDOM = "random_SEED or random_large_SEED such as random_17"
+"""Patterns of the names of random buildings, for messages."""
 
 
 def world_names() -> list[str]:
@@ -48,8 +48,8 @@ def load_world(name_or_path: str, report: Callable[[str], None] = discard_report
     if name_or_path in world_names():
         room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
         return parse_world(room.read_text(encoding="utf-8"), name_or_path)
-    if (seed := seed_of(name_or_path)) is not None:
-        return random_world(seed)
+    if building := named(name_or_path):
+        return building
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix == ".toml":

@@ -22,28 +22,28 @@ THICKNESSES_M = (0.1, 0.12, 0.15, 0.2)
 MAX_STARTS = 3
 """Largest number of starts. Chosen."""
 
-_NAME = re.compile(r"random_(0|[1-9]\d{0,17})")
+_NAME = re.compile(r"random_(?P<large>large_)?(?P<seed>0|[1-9]\d{0,17})")
 
 
-def seed_of(name: str) -> int | None:
-    """The seed in a name such as `random_17`; None for other names."""
+def named(name: str) -> World | None:
+    """The building of a name such as `random_17` or `random_large_17`; None for other names."""
     match = _NAME.fullmatch(name)
-    return int(match[1]) if match else None
+    return random_world(int(match["seed"]), is_large=bool(match["large"])) if match else None
 
 
-def random_world(seed: int) -> World:
+def random_world(seed: int, *, is_large: bool = False) -> World:
     """The building for a seed."""
     rng = stream(seed, "building")
     height_m = rng.choice(CEILINGS_M)
     thickness_m = rng.choice(THICKNESSES_M)
-    floor = random_floor(rng)
+    floor = random_floor(rng, is_large=is_large)
     spaces = [Space(room, floor.doorways, thickness_m) for room in floor.rooms]
     furnish(spaces, height_m, rng)
     slanted = [
         Walls(points=wall, thickness_m=thickness_m) for space in spaces for wall in space.slanted
     ]
     return World(
-        name=f"random_{seed}",
+        name=f"random_{'large_' if is_large else ''}{seed}",
         height_m=height_m,
         walls=(*_walls(floor, thickness_m), *slanted),
         boxes=tuple(box for space in spaces for box in space.boxes),

@@ -13,8 +13,9 @@ from typing import NamedTuple
 from companion.core.frames import Vector2
 from sitl.world.format import Segment
 
-SIDES_M = (8, 16)
-"""Range of the floor's sides, m: about what can be mapped in a flight of ten minutes."""
+SIDES_M, LARGE_SIDES_M = (8, 16), (18, 24)
+"""Ranges of the floor's sides, m: about what can be mapped in a flight of ten minutes, and large
+buildings of 320 to 580 m² for surveys and teams."""
 MIN_ROOM_M = 3.2
 """Smallest room side between centre lines, m: 3 m between thick walls."""
 LARGE_ROOMS_M2 = (20, 60)
@@ -93,9 +94,10 @@ class Floor:
     doorways: list[Doorway]
 
 
-def random_floor(rng: random.Random) -> Floor:
+def random_floor(rng: random.Random, *, is_large: bool = False) -> Floor:
     """A floor with at least two rooms, all connected by doorways."""
-    outline = Rectangle((0.0, 0.0), (_decimetres(rng, *SIDES_M), _decimetres(rng, *SIDES_M)))
+    sides_m = LARGE_SIDES_M if is_large else SIDES_M
+    outline = Rectangle((0.0, 0.0), (_decimetres(rng, *sides_m), _decimetres(rng, *sides_m)))
     large_m2 = rng.randint(*LARGE_ROOMS_M2)
     across = 0 if outline.length_m(0) <= outline.length_m(1) else 1
     width_m = rng.choice(CORRIDORS_M)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from companion.core.arrays import Indices
 from companion.core.frames import Vector2
 from sitl.world.format import Box, Segment, Walls, World, WorldError
-from sitl.world.generator import random_world, seed_of
+from sitl.world.generator import named, random_world
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
 from sitl.world.plan import samples, wall_surfaces
@@ -187,12 +187,20 @@ def test_a_seed_gives_the_same_building_on_every_machine() -> None:
 
 def test_random_buildings_are_loaded_by_name() -> None:
     assert load_world("random_17") == random_world(17)
-    assert load_world("random_17").name == "random_17"
-    assert [seed_of(name) for name in ("random_0", "random_017", "random_", "room_100")] == [
-        0,
-        None,
-        None,
-        None,
-    ]
+    assert load_world("random_large_17") == random_world(17, is_large=True)
+    for name in ("random_0", "random_17", "random_large_17"):
+        assert load_world(name).name == name
+    assert not any(named(name) for name in ("random_017", "random_", "large_1", "room_100"))
     with pytest.raises(WorldError, match="random_17"):
         load_world("random_seventeen")
+
+
+@given(seed=seeds)
+@each_building
+def test_large_buildings_are_more_than_a_battery_maps(seed: int) -> None:
+    world = random_world(seed, is_large=True)
+    north_m, east_m = world.bounds[1]
+    assert 300 <= north_m * east_m <= 600
+    reached = reachable(world)
+    starts = [tuple(round(m / GRID_M) for m in start.position) for start in world.starts]
+    assert len({int(reached[cell]) for cell in starts} - {0}) == 1
