@@ -65,7 +65,7 @@ def spread(segments: Array) -> tuple[Array, Indices]:
 def observable_points(world: World, height_m: float, start: Vector2) -> Array:
     """Samples of the surfaces that a drone from this start could approach and see, (n, 2)."""
     surfaces = wall_surfaces(world, height_m)
-    reached = cKDTree(_reachable(world, height_m, start))
+    reached = cKDTree(reachable(world, height_m, start))
     walls = np.array([*surfaces, *world.closed_border], dtype=float).reshape(-1, 2, 2)
     points = samples(surfaces)
     seen = np.zeros(len(points), dtype=bool)
@@ -75,7 +75,7 @@ def observable_points(world: World, height_m: float, start: Vector2) -> Array:
     return visible
 
 
-def _reachable(world: World, height_m: float, start: Vector2) -> Array:
+def reachable(world: World, height_m: float, start: Vector2) -> Array:
     """Cell centres reachable through doors at this height, (n, 2), m."""
     model, half_door_m = WorldModel(world), NARROWEST_DOOR_M / 2 - CELL_M / 2
     (south, west), (north, east) = _bounds_with(world, start)
