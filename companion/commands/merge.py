@@ -65,7 +65,7 @@ def merge_command(
     from companion.export.map_files import save  # noqa: PLC0415
     from companion.recording.reader import read  # noqa: PLC0415
     from companion.survey.merge import Starts, merge  # noqa: PLC0415
-    from companion.survey.solved import solved  # noqa: PLC0415
+    from companion.survey.solved import is_kept, kept_or_solved  # noqa: PLC0415
 
     console = Console(highlight=False, markup=False)
     recordings = [read(path) for path in flights]
@@ -73,8 +73,9 @@ def merge_command(
     given = _given(start or [], [recording.path.name for recording in recordings])
     flown = []
     for number, recording in enumerate(recordings, 1):
-        console.print(f"solving flight {number} of {len(recordings)}: {recording.path.name}")
-        flown.append(solved(recording))
+        if not is_kept(recording.path, out):
+            console.print(f"solving flight {number} of {len(recordings)}: {recording.path.name}")
+        flown.append(kept_or_solved(recording, out))
     if starts is StartsKnown.UNKNOWN:
         console.print("searching where the flights began")
     console.print("solving all flights together")

@@ -145,10 +145,10 @@ class Survey:
         check_same_sensors(list(recordings.values()))
         flown: list[Flown] = []
         for number, (name, recording) in enumerate(recordings.items(), 1):
-            if not is_kept(recording.path):
+            if not is_kept(recording.path, self.folder):
                 self._tell(f"solving flight {number} of {len(recordings)}: {name}")
             try:
-                flown.append(kept_or_solved(recording))
+                flown.append(kept_or_solved(recording, self.folder))
             except SurveyError as error:
                 left_out[name] = str(error)
         return recordings, flown

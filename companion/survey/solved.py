@@ -1,8 +1,8 @@
 """Solves the flights of recordings, each alone, and keeps the results in files.
 
 To solve a flight, its recording is replayed. That takes most of the time of a joint map, so the
-result is kept in a NumPy archive beside the recording. It is used again while the recording and the
-program's version are the same.
+result is kept in a NumPy archive: in the survey's folder, or in that of a merged map. It is used
+again while the recording and the program's version are the same.
 """
 
 import hashlib
@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from companion.app import level_units
-from companion.config.settings import SensorsConfig
 from companion.core.messages import Surface
 from companion.earlier import (
     TRIED,
@@ -37,57 +36,50 @@ from companion.recording.replay import replay
 from companion.survey.flights import Flown
 
 FOLDER = "solved"
-"""Name of the folder beside the recordings."""
+"""Name of the folder for the results."""
 _RAYS = "rays."
 """Prefix of the arrays' names."""
 _OF_X = ("poses", "walls", "reach_m", "calibration")
 """Arrays of `Unknowns`."""
 
 
-def solved(recording: Recording) -> Flown:
-    """Replay a recording and solve its flight.
+def kept_or_solved(recording: Recording, folder: Path) -> Flown:
+    """The flight of a recording, solved, from a file in a folder.
 
-    Raises:
-        SurveyError: the drone did not fly, or the flight cannot be solved.
-    """
-    return Flown.of(recording.path.name, replay(recording))
-
-
-def kept_or_solved(recording: Recording) -> Flown:
-    """The same from the file beside the recording; it is made if it is missing or outdated.
+    If the file is missing or outdated, the recording is replayed and solved.
 
     Raises:
         SurveyError: the drone did not fly, or the flight cannot be solved.
         CompanionError: the file cannot be written.
     """
-    kept = _load(recording.path, recording.config.sensors)
+    kept = _load(recording, folder)
     if kept is not None:
         return kept
-    flown = solved(recording)
-    keep(flown, recording.path)
+    flown = Flown.of(recording.path.name, replay(recording))
+    keep(flown, recording.path, folder)
     return flown
 
 
-def keep(flown: Flown, recording: Path) -> None:
-    """Write a solved flight beside its recording.
+def keep(flown: Flown, recording: Path, folder: Path) -> None:
+    """Write a solved flight to a folder.
 
     Raises:
         CompanionError: the file cannot be written.
     """
-    path = kept_at(recording)
-    path.parent.mkdir(exist_ok=True)
+    path = kept_at(recording, folder)
+    path.parent.mkdir(parents=True, exist_ok=True)
     data = _to_bytes(flown, _made_of(recording))
     save_as(lambda content, file: file.write_bytes(content), data, path)
 
 
-def is_kept(recording: Path) -> bool:
+def is_kept(recording: Path, folder: Path) -> bool:
     """True if a result of this recording is there; it may be outdated."""
-    return kept_at(recording).exists()
+    return kept_at(recording, folder).exists()
 
 
-def kept_at(recording: Path) -> Path:
+def kept_at(recording: Path, folder: Path) -> Path:
     """File for the solved flight of a recording."""
-    return recording.parent / FOLDER / f"{recording.stem}.npz"
+    return folder / FOLDER / f"{recording.stem}.npz"
 
 
 def _made_of(recording: Path) -> dict[str, str]:
@@ -122,21 +114,21 @@ def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
     return file.getvalue()
 
 
-def _load(recording: Path, sensors: SensorsConfig) -> Flown | None:
+def _load(recording: Recording, folder: Path) -> Flown | None:
     """The kept flight; None if there is none, or it is damaged or outdated."""
     try:
-        with np.load(kept_at(recording), allow_pickle=False) as archive:
+        with np.load(kept_at(recording.path, folder), allow_pickle=False) as archive:
             values = json.loads(str(archive["values"]))
-            if values["made_of"] != _made_of(recording):
+            if values["made_of"] != _made_of(recording.path):
                 return None
             record = FlightRecord.of_ended_flight(archive["frames"], archive["hits"])
             models = Models(
-                RangeUnits(level_units(sensors)),
+                RangeUnits(level_units(recording.config.sensors)),
                 values["rest_bias_rad_s"],
                 odometry=OdometryModel(**values["odometry"]),
             )
             return Flown(
-                recording.name,
+                recording.path.name,
                 models,
                 record,
                 models.measured(record),

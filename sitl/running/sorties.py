@@ -134,7 +134,7 @@ class Sorties:
                 self._tell(str(error))
                 continue
             if recording:
-                keep(flown, recording)
+                keep(flown, recording, recording.parent)
             self._flown.append(flown)
             merged = merge(self._flown, Starts(PAD.sigma))
             self._earlier = merged.for_next_flight(PAD.sigma)

@@ -17,8 +17,9 @@ from companion.core.frames import ned_to_frd, wrap_rad
 from companion.recording.reader import read
 from companion.survey import start_search
 from companion.survey.evidence import Sight
+from companion.survey.flights import Flown
 from companion.survey.known_start import solved_from_pad
-from companion.survey.solved import solved
+from companion.survey.solved import keep, kept_or_solved
 from companion.survey.start_search import Placing
 from companion.survey.unknown_start import StartSearch, is_same, search_start
 from sitl.testing import Sitl
@@ -49,13 +50,14 @@ def record(  # noqa: PLR0917 - a start is three numbers
     heading: float,
     corners: Corners = L_SHAPE,
 ) -> Path:
-    """Fly, and return the recording."""
+    """Fly, and return the recording. The solved flight is kept for merges into the parent."""
     folder.mkdir()
     corners_toml = [list(corner) for corner in corners]
     text = ROOM.format(corners=corners_toml, east=east, north=north, heading=heading)
     (folder / "room.toml").write_text(text)
-    Sitl(folder).fly(str(folder / "room.toml"), seed=seed, record=folder)
+    flight = Sitl(folder).fly(str(folder / "room.toml"), seed=seed, record=folder)
     (path,) = folder.glob("*.mcap")
+    keep(Flown.of(path.name, flight.app), path, folder.parent)
     return path
 
 
@@ -81,6 +83,12 @@ def in_a_rectangle(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     ]
 
 
+@pytest.fixture
+def out(recordings: list[Path]) -> Path:
+    """Folder for merged maps that contains the solved flights."""
+    return recordings[0].parent.parent
+
+
 def in_first(start: tuple[float, float, float]) -> Array:
     """(3,): a start, with its heading in °, in the frame of the flight from the pad."""
     (north, east, heading), yaw = start, math.radians(PAD[2])
@@ -96,10 +104,10 @@ def merge(
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
 
-def test_flights_from_the_same_pad_make_one_map(recordings: list[Path], tmp_path: Path) -> None:
-    merged = merge(tmp_path, *recordings[:2])
+def test_flights_from_the_same_pad_make_one_map(recordings: list[Path], out: Path) -> None:
+    merged = merge(out, *recordings[:2])
     assert merged.returncode == 0, merged.stderr
-    walls = json.loads((tmp_path / "map.json").read_text())["walls"]
+    walls = json.loads((out / "map.json").read_text())["walls"]
     lengths_m = sorted(math.dist(wall["start_ne_m"], wall["end_ne_m"]) for wall in walls)
     assert lengths_m == pytest.approx([1.5, 2.5, 4.5, 4.5, 6.0, 7.0], abs=0.1)
     off_cm, off_deg = re.findall(r"(\d+) cm +│ ([+-][\d.]+)°", merged.stdout)[1]
@@ -107,11 +115,11 @@ def test_flights_from_the_same_pad_make_one_map(recordings: list[Path], tmp_path
     assert float(off_deg) == pytest.approx(4, abs=2)
 
 
-def test_a_flight_from_elsewhere_is_left_out(recordings: list[Path], tmp_path: Path) -> None:
-    merged = merge(tmp_path, recordings[0], recordings[2], recordings[1])
+def test_a_flight_from_elsewhere_is_left_out(recordings: list[Path], out: Path) -> None:
+    merged = merge(out, recordings[0], recordings[2], recordings[1])
     assert merged.returncode == 1, merged.stderr
     assert f"left out: {recordings[2].name}" in merged.stdout
-    assert len(json.loads((tmp_path / "map.json").read_text())["walls"]) == 6
+    assert len(json.loads((out / "map.json").read_text())["walls"]) == 6
 
 
 def test_a_recording_named_twice_is_refused(recordings: list[Path], tmp_path: Path) -> None:
@@ -132,11 +140,11 @@ def began(printed: str) -> Array:
     return np.array([north_m, east_m, math.radians(heading_deg)])
 
 
-def test_an_unknown_start_is_found(recordings: list[Path], tmp_path: Path) -> None:
-    merged = merge(tmp_path, recordings[0], recordings[2], options=UNKNOWN)
+def test_an_unknown_start_is_found(recordings: list[Path], out: Path) -> None:
+    merged = merge(out, recordings[0], recordings[2], options=UNKNOWN)
     assert merged.returncode == 0, merged.stderr
     assert began(merged.stdout) == pytest.approx(in_first(ELSEWHERE), abs=0.15)
-    assert len(json.loads((tmp_path / "map.json").read_text())["walls"]) == 6
+    assert len(json.loads((out / "map.json").read_text())["walls"]) == 6
 
 
 def test_an_ambiguous_start_is_said_with_its_candidates_and_can_be_given(
@@ -144,6 +152,7 @@ def test_an_ambiguous_start_is_said_with_its_candidates_and_can_be_given(
 ) -> None:
     ambiguous = merge(tmp_path, *in_a_rectangle, options=UNKNOWN)
     assert ambiguous.returncode == 1, ambiguous.stderr
+    assert ambiguous.stdout.count("solving flight") == 2
     said = " ".join(ambiguous.stdout.split())
     assert f"left out: {in_a_rectangle[1].name}: 2 starts fit equally: " in said
     north_m, east_m, yaw_rad = in_first(ELSEWHERE).tolist()
@@ -159,6 +168,7 @@ def test_an_ambiguous_start_is_said_with_its_candidates_and_can_be_given(
     start = f"{in_a_rectangle[1].name}={north_m:.2f},{east_m:.2f},{math.degrees(yaw_rad):.0f}"
     resolved = merge(tmp_path, *in_a_rectangle, options=[*UNKNOWN, "--start", start])
     assert resolved.returncode == 0, resolved.stdout + resolved.stderr
+    assert "solving flight" not in resolved.stdout
     assert len(json.loads((tmp_path / "map.json").read_text())["walls"]) == 4
 
 
@@ -184,9 +194,9 @@ def test_a_wrong_start_is_refused(
 
 @pytest.mark.parametrize("wrong", [1, 2])
 def test_a_wrong_alignment_is_undone(
-    recordings: list[Path], monkeypatch: pytest.MonkeyPatch, wrong: int
+    recordings: list[Path], out: Path, monkeypatch: pytest.MonkeyPatch, wrong: int
 ) -> None:
-    first, elsewhere = (solved(read(path)) for path in (recordings[0], recordings[2]))
+    first, elsewhere = (kept_or_solved(read(recordings[each]), out) for each in (0, 2))
     searches: list[StartSearch] = []
 
     def wrong_at_first(flight: Sight, known: Sight, refuted: Sequence[Array] = ()) -> StartSearch:

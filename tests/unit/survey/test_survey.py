@@ -134,9 +134,9 @@ def test_a_flight_is_solved_once(flown: Path, tmp_path: Path) -> None:
     """A damaged or outdated file is replaced."""
     file = Path(shutil.copy(min(flown.glob("*.mcap")), tmp_path))
     recording = read(file)
-    first = kept_or_solved(recording)
-    kept = kept_at(file)
-    again, made_at = kept_or_solved(recording), kept.stat().st_mtime_ns
+    first = kept_or_solved(recording, tmp_path)
+    kept = kept_at(file, tmp_path)
+    again, made_at = kept_or_solved(recording, tmp_path), kept.stat().st_mtime_ns
     for name in ("poses", "walls", "reach_m", "calibration"):
         assert np.array_equal(getattr(again.x, name), getattr(first.x, name))
     assert np.array_equal(again.wall_of, first.wall_of)
@@ -147,7 +147,7 @@ def test_a_flight_is_solved_once(flown: Path, tmp_path: Path) -> None:
     assert np.array_equal(again.m.distance_m, first.m.distance_m)
     assert kept.stat().st_mtime_ns == made_at
     kept.write_bytes(b"damaged")
-    assert np.array_equal(kept_or_solved(recording).x.poses, first.x.poses)
+    assert np.array_equal(kept_or_solved(recording, tmp_path).x.poses, first.x.poses)
     assert kept.stat().st_mtime_ns > made_at
 
 
