@@ -83,23 +83,19 @@ class Candidates:
         return self.hit[first], self.wall[first], without - self.misfit[first] ** 2
 
 
+_NO_PAIRS = np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+"""No hits, walls and misfits."""
+
+
 def candidates(x: Unknowns, m: Measured, rays: Rays, units: RangeUnits, gate: Gate) -> Candidates:
     """All pairs within the gate.
 
     Geometry selects pairs of all hits and walls first; the noise is evaluated for these only.
     """
-    hit, wall, cos_incidence = _facing(x, rays, gate.along_m)
-    beam = m.beam[hit]
-    distance_m = x.walls[wall, 1] - (rays.origins[hit] * x.normals[wall]).sum(axis=1)
-    expected_m = distance_m / cos_incidence - m.mount_m[hit]
-    sigma_m = units.sigma_m(beam, expected_m)
-    # Long readings are missing near the end of the range, which would bias walls closer.
-    inside = expected_m > units.min_m[beam]
-    inside &= expected_m < units.max_m[beam] - NEAR_END_SIGMAS * sigma_m
-    misfit = np.abs(units.signal(beam, unbiased_m(x, m)[hit]) - units.signal(beam, expected_m))
-    misfit /= 1 + gate.across_m / (GATE_SIGMAS * sigma_m * cos_incidence)
-    inside &= misfit < GATE_SIGMAS
-    hit, wall, misfit = hit[inside], wall[inside], misfit[inside]
+    pairing = _Pairing(x, m, rays, unbiased_m(x, m), units, gate)
+    step = max(1, CELLS_AT_ONCE // max(len(x.walls), 1))
+    parts = [pairing.within(slice(low, low + step)) for low in range(0, len(rays.beams), step)]
+    hit, wall, misfit = (np.concatenate(each) for each in zip(_NO_PAIRS, *parts, strict=True))
     order = np.lexsort((-_agreement(m, hit, wall, UNEXPLAINED - misfit**2), hit))
     return Candidates(len(m.frame), hit[order], wall[order], misfit[order])
 
@@ -129,24 +125,45 @@ def _agreement(m: Measured, hit: Indices, wall: Indices, gain: Array) -> Array:
     return agreed
 
 
-def _facing(x: Unknowns, rays: Rays, along_m: float) -> tuple[Indices, Indices, Array]:
-    """Pairs of a hit and a wall whose front the beam reached, at most `along_m` beyond its ends.
+@dataclass(frozen=True, slots=True)
+class _Pairing:
+    """Pairs a part of the hits with the walls; parts bound the memory."""
 
-    Returns hits (p,), walls (p,) and the cosines of the incidence (p,).
-    """
-    step = max(1, CELLS_AT_ONCE // max(len(x.walls), 1))
-    hits, walls, cosines = [], [], []
-    for low in range(0, len(rays.beams), step):
-        cos_incidence = rays.beams[low : low + step] @ x.normals.T
+    x: Unknowns
+    m: Measured
+    rays: Rays
+    distance_m: Array
+    """(n,): distances without the gain errors of the range units."""
+    units: RangeUnits
+    gate: Gate
+
+    def within(self, part: slice) -> tuple[Indices, Indices, Array]:
+        """Pairs within the gate: hits, walls and misfits (p,)."""
+        x, units, across_m = self.x, self.units, self.gate.across_m
+        hit, wall, cos_incidence = self._facing(part)
+        beam = self.m.beam[hit]
+        away_m = x.walls[wall, 1] - (self.rays.origins[hit] * x.normals[wall]).sum(axis=1)
+        expected_m = away_m / cos_incidence - self.m.mount_m[hit]
+        sigma_m = units.sigma_m(beam, expected_m)
+        # Long readings are missing near the end of the range, which would bias walls closer.
+        inside = expected_m > units.min_m[beam]
+        inside &= expected_m < units.max_m[beam] - NEAR_END_SIGMAS * sigma_m
+        misfit = units.signal(beam, self.distance_m[hit]) - units.signal(beam, expected_m)
+        misfit = np.abs(misfit) / (1 + across_m / (GATE_SIGMAS * sigma_m * cos_incidence))
+        inside &= misfit < GATE_SIGMAS
+        return hit[inside], wall[inside], misfit[inside]
+
+    def _facing(self, part: slice) -> tuple[Indices, Indices, Array]:
+        """Pairs of a hit and a wall whose front the beam reached, not too far beyond its ends.
+
+        Returns hits (p,), walls (p,) and the cosines of the incidence (p,).
+        """
+        x, along_m = self.x, self.gate.along_m
+        cos_incidence = self.rays.beams[part] @ x.normals.T
         usable = cos_incidence > MIN_COS_INCIDENCE
         if math.isfinite(along_m):
-            along = rays.points[low : low + step] @ x.tangents.T
+            along = self.rays.points[part] @ x.tangents.T
             usable &= along > x.reach_m[:, 0] - along_m
             usable &= along < x.reach_m[:, 1] + along_m
         hit, wall = np.nonzero(usable)
-        hits.append(hit + low)
-        walls.append(wall)
-        cosines.append(cos_incidence[hit, wall])
-    if not hits:
-        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-    return np.concatenate(hits), np.concatenate(walls), np.concatenate(cosines)
+        return hit + part.start, wall, cos_incidence[hit, wall]
