@@ -9,7 +9,7 @@ it, and not there if most passed through. The last flight that met it decides:
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -63,7 +63,7 @@ class Changes:
 def changes(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Changes:
     """Compare the flights of a joint solution with its walls of hits (n,)."""
     seen = _crossings(x, m, wall_of, units)
-    shown = _shown(seen, m.hit_flight, len(m.begins))
+    shown = _shown(seen)
     last, since = _last(shown)
     is_gone = (last == PASSED) & (shown == THERE).any(axis=1)
     is_new = (last == THERE) & _was_passed_before(shown, since)
@@ -91,7 +91,7 @@ def contradicted_shares(x: Unknowns, m: Measured, wall_of: Indices, units: Range
     flights = len(m.begins)
     seen = _crossings(x, m, wall_of, units)
     flight = m.hit_flight[seen.hit]
-    was_passed = _shown(seen, m.hit_flight, flights)[seen.stopped] == PASSED
+    was_passed = _shown(seen)[seen.stopped] == PASSED
     share = np.zeros((flights, flights))
     for one in range(flights):
         share[one] = was_passed[flight == one].mean(axis=0) if (flight == one).any() else 0.0
@@ -101,19 +101,14 @@ def contradicted_shares(x: Unknowns, m: Measured, wall_of: Indices, units: Range
 
 
 def _crossings(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Crossings:
-    """The beams of all flights that met the walls of all flights at their level."""
+    """The beams of all flights that met the walls of all flights."""
     sigma_m, opening_m = units.sigma_m(m.beam, m.distance_m), Support().opening_m
-    rays = replace(project(x, m), view=m.hit_level)
-    return Crossings.of(x, rays, sigma_m, wall_of, opening_m, piece_m=PIECE_M)
+    return Crossings.of(x, project(x, m), sigma_m, wall_of, opening_m, piece_m=PIECE_M)
 
 
-def _shown(seen: Crossings, hit_flight: Indices, flights: int) -> Indices:
+def _shown(seen: Crossings) -> Indices:
     """(p, f): what each flight shows of each piece."""
-    stopped, passed = (
-        np.bincount(piece * flights + hit_flight[beam], minlength=seen.count * flights)
-        for piece, beam in ((seen.stopped, seen.hit), (seen.passed, seen.beam))
-    )
-    stopped, passed = stopped.reshape(-1, flights), passed.reshape(-1, flights)
+    stopped, passed = seen.by_flight()
     there = (stopped >= MIN_BEAMS) & (stopped > passed)
     through = (passed >= MIN_BEAMS) & (passed > stopped)
     return np.where(there, THERE, np.where(through, PASSED, UNKNOWN))

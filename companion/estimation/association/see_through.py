@@ -37,13 +37,12 @@ def passed_through(
     hits on one wall with no gap above `opening_m`.
     """
     seen = Crossings.of(x, rays, sigma_m, wall_of, opening_m)
-    passed = np.bincount(seen.passed, minlength=seen.count)
-    stopped = np.bincount(seen.stopped, minlength=seen.count)
+    stopped, passed = seen.by_flight()
     is_refuted = (passed > MAX_PASSED_SHARE * stopped) & (passed >= MIN_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
-    wrong[seen.hit] = is_refuted[seen.stopped]
+    wrong[seen.hit] = is_refuted[seen.stopped, rays.flight[seen.hit]]
     is_firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
-    wrong[seen.beam[is_firm[seen.passed]]] = True
+    wrong[seen.beam[is_firm[seen.passed, rays.flight[seen.beam]]]] = True
     return wrong
 
 
@@ -53,26 +52,29 @@ def passages(
     """(w,): number of beams that passed through each wall, between its hits and not in an opening.
 
     Lines through legs and the edges of furniture have hits enough to exist, but beams pass between.
+    Beams count where their own flight detected the wall, too.
     """
     seen = Crossings.of(x, rays, sigma_m, wall_of, opening_m)
-    return np.bincount(seen.pieces.wall[seen.passed], minlength=len(x.walls))
+    stopped, _ = seen.by_flight()
+    counts = stopped[seen.passed, rays.flight[seen.beam]] > 0
+    return np.bincount(seen.pieces.wall[seen.passed[counts]], minlength=len(x.walls))
 
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Straight pieces of wall, ordered by view, wall and position, (p,)."""
+    """Straight pieces of wall, ordered by level, wall and position, (p,)."""
 
-    view: Indices
-    """Flight and level that detected it, as one number."""
+    level: Indices
+    """Level of flight at which it was detected."""
     wall: Indices
     low_m: Array
     """Position along the wall, m."""
     high_m: Array
 
-    def at(self, view: Indices, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
-        """The views' pieces at positions on walls (n,), and a mask of the positions with one."""
+    def at(self, level: Indices, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
+        """The pieces at positions on walls (n,), and a mask of the positions with one."""
         walls = int(max(self.wall.max(), wall.max(initial=0))) + 1
-        own, number = walls * self.view + self.wall, walls * view + wall
+        own, number = walls * self.level + self.wall, walls * level + wall
         before = np.searchsorted(FAR_M * own + self.low_m, FAR_M * number + along_m) - 1
         piece = np.maximum(before, 0)
         inside = (before >= 0) & (own[piece] == number) & (along_m < self.high_m[piece])
@@ -83,8 +85,8 @@ class Pieces:
 class Crossings:
     """Which beams ended on pieces of wall, and which passed through.
 
-    A piece belongs to one flight at one level, and only beams of that view count: between two
-    flights a door may be shut, and furniture may move; a higher level sees over a low wall.
+    A piece belongs to one level, because a higher level sees over a low wall. The flights are
+    counted one by one: between two flights a door may be shut, and furniture may move.
     """
 
     pieces: Pieces
@@ -96,11 +98,17 @@ class Crossings:
     """(b,): beams that passed through a piece."""
     passed: Indices
     """(b,): piece that each passed through."""
+    flight: Indices
+    """(n,): flight of each beam and hit."""
 
-    @property
-    def count(self) -> int:
-        """Number of pieces."""
-        return len(self.pieces.wall)
+    def by_flight(self) -> tuple[Indices, Indices]:
+        """Number of beams of each flight that ended on each piece, and that passed: (p, f) each."""
+        flights, pieces = int(self.flight.max(initial=0)) + 1, len(self.pieces.wall)
+        stopped, passed = (
+            np.bincount(piece * flights + self.flight[beam], minlength=pieces * flights)
+            for piece, beam in ((self.stopped, self.hit), (self.passed, self.beam))
+        )
+        return stopped.reshape(-1, flights), passed.reshape(-1, flights)
 
     @classmethod
     def of(
@@ -116,15 +124,16 @@ class Crossings:
         """Cut the walls into pieces of at most `piece_m`, and find the beams that cross them."""
         hit = np.flatnonzero(wall_of != NO_WALL)
         order, along, is_first = in_rows(
-            x, rays.points[hit], wall_of[hit], opening_m, rays.view[hit]
+            x, rays.points[hit], wall_of[hit], opening_m, rays.level[hit]
         )
         hit = hit[order]
         is_first |= np.diff(np.floor(along / piece_m), prepend=0) != 0
         first = np.flatnonzero(is_first)
         last = np.append(first[1:], len(hit)) - 1 if len(first) else first
         one = hit[first]
-        pieces = Pieces(rays.view[one], wall_of[one], along[first], along[last])
-        return cls(pieces, hit, np.cumsum(is_first) - 1, *_passages(x, rays, sigma_m, pieces))
+        pieces = Pieces(rays.level[one], wall_of[one], along[first], along[last])
+        passages = _passages(x, rays, sigma_m, pieces)
+        return cls(pieces, hit, np.cumsum(is_first) - 1, *passages, rays.flight)
 
 
 def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: Pieces) -> tuple[Indices, Indices]:
@@ -143,7 +152,7 @@ def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: Pieces) -> tuple[
         share = from_m[beam, wall] / (from_m[beam, wall] - to_m[beam, wall])
         met = origins[beam] + share[:, None] * (points[beam] - origins[beam])
         along_m = (met * x.tangents[wall]).sum(axis=1)
-        piece, inside = pieces.at(rays.view[low + beam], wall, along_m)
+        piece, inside = pieces.at(rays.level[low + beam], wall, along_m)
         beams.append(low + beam[inside])
         passed.append(piece[inside])
     return np.concatenate(beams), np.concatenate(passed)

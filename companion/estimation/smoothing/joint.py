@@ -105,7 +105,7 @@ def _joined_record(flights: Sequence[Measured]) -> Measured:
         late_s=np.concatenate([_or_zeros(m.late_s, len(m.frame)) for m in flights]),
         height_m=np.concatenate([_or_zeros(m.height_m, len(m.frame)) for m in flights]),
         begins=tuple(begins.tolist()),
-    ).with_views()
+    ).with_levels()
 
 
 def _motions(rows: Sequence[NDArray[Number]]) -> NDArray[Number]:

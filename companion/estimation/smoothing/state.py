@@ -146,8 +146,8 @@ class Measured:
     """(n,): time from the last odometry to the measurement, s; None: zero for all hits."""
     height_m: Array | None = None
     """(n,): height of the drone above its start, m; None: the same for all hits."""
-    view: Indices | None = None
-    """(n,): flight and level (`height_levels.py`) of each hit as one number; None: the flight."""
+    level: Indices | None = None
+    """(n,): level of each hit (`height_levels.py`); None: all at one."""
     begins: tuple[int, ...] = (0,)
     """First keyframe of each flight."""
 
@@ -178,7 +178,7 @@ class Measured:
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
             late_s=hits[:, HitColumn.LATE_S],
             height_m=-hits[:, HitColumn.DOWN_M],
-        ).with_views()
+        ).with_levels()
 
     @property
     def time_s(self) -> Array:
@@ -196,20 +196,13 @@ class Measured:
         return np.searchsorted(self.begins, self.frame, side="right") - 1
 
     @property
-    def hit_view(self) -> Indices:
-        """(n,): flight and level of each hit as one number: the hits of a view saw the same."""
-        return self.hit_flight if self.view is None else self.view
-
-    @property
     def hit_level(self) -> Indices:
         """(n,): level of each hit."""
-        return self.hit_view // len(self.begins)
+        return np.zeros_like(self.frame) if self.level is None else self.level
 
-    def with_views(self) -> "Measured":
+    def with_levels(self) -> "Measured":
         """The same with the levels of all hits."""
-        if self.height_m is None or not (level := levels(self.height_m)).any():
-            return self
-        return replace(self, view=len(self.begins) * level + self.hit_flight)
+        return self if self.height_m is None else replace(self, level=levels(self.height_m))
 
     @property
     def moves(self) -> Indices:
@@ -232,7 +225,7 @@ class Measured:
             mount_m=self.mount_m[hits],
             late_s=None if self.late_s is None else self.late_s[hits],
             height_m=None if self.height_m is None else self.height_m[hits],
-            view=None if self.view is None else self.view[hits],
+            level=None if self.level is None else self.level[hits],
         )
 
     def between(self, first: int, end: int) -> "Measured":
@@ -257,7 +250,7 @@ class Measured:
             None if self.gap_rad2 is None else self.gap_rad2[motion],
             None if self.late_s is None else self.late_s[hits],
             None if self.height_m is None else self.height_m[hits],
-            None if self.view is None else self.view[hits] // len(self.begins),
+            None if self.level is None else self.level[hits],
         )
 
 
@@ -271,8 +264,9 @@ class Rays:
     """(n, 2): unit vectors along the beams."""
     points: Array
     """(n, 2): ends of the beams."""
-    view: Indices
-    """(n,): flight and level of each hit as one number, as in `Measured.hit_view`."""
+    flight: Indices
+    level: Indices
+    """(n,): flight and level of each hit."""
 
     @property
     def bearing_rad(self) -> Array:
@@ -311,7 +305,7 @@ def project(x: Unknowns, m: Measured) -> Rays:
     bearing = yaw + m.bearing_rad
     range_m = m.mount_m + unbiased_m(x, m)
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    return Rays(origins, beams, origins + range_m[:, None] * beams, m.hit_view)
+    return Rays(origins, beams, origins + range_m[:, None] * beams, m.hit_flight, m.hit_level)
 
 
 def unbiased_m(x: Unknowns, m: Measured) -> Array:

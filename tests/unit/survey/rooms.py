@@ -52,8 +52,8 @@ def seen(walls: Array, paths: Sequence[Corners], start: Array, seed: int = 0) ->
     noise_m = np.random.default_rng(seed).normal(0, SIGMA_M, len(distance_m))
     hits = wall_of != NO_WALL
     distance_m = np.where(hits, distance_m + noise_m, 0.0)
-    points, view = origins + distance_m[:, None] * beams, np.zeros(len(origins), dtype=np.int64)
-    rays = Rays(origins, beams, points, view)
+    points, none_of = origins + distance_m[:, None] * beams, np.zeros(len(origins), dtype=np.int64)
+    rays = Rays(origins, beams, points, none_of, none_of)
     none = np.empty((0, 0))
     x = Unknowns(np.empty((0, 6)), _lines(walls, rays, wall_of), np.zeros((len(walls), 2)), none)
     return Sight.of(x, rays, np.full(len(distance_m), SIGMA_M), wall_of)
