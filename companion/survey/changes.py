@@ -1,7 +1,8 @@
 """Finds what has changed between the flights of a survey: a door shut, furniture moved.
 
 Walls are cut into short pieces. For each flight a piece is there if most beams that met it ended on
-it, and not there if most passed through. The last flight that met it decides:
+it, and not there if most passed through. The last flight that met it decides what is in the map.
+Longer changes are listed:
 
     flight 1   flight 2   flight 3
     there      -          passed     the piece is gone: not in the map
@@ -67,7 +68,6 @@ def changes(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Ch
     last, since = _last(shown)
     is_gone = (last == PASSED) & (shown == THERE).any(axis=1)
     is_new = (last == THERE) & _was_passed_before(shown, since)
-    kept = wall_of.copy()
     listed: list[Change] = []
     for changed, new in ((is_gone, False), (is_new, True)):
         for run in _runs(seen, changed, since):
@@ -77,9 +77,23 @@ def changes(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Ch
                 continue
             start, end = (place_on(x.walls[wall], along_m) for along_m in (low_m, high_m))
             listed.append(Change(new, int(since[run[0]]), start, end))
-            if not new:
-                kept[seen.hit[np.isin(seen.stopped, run)]] = NO_WALL
+    kept = _without(x, m, wall_of, seen.hit[(last == PASSED)[seen.stopped]])
     return Changes(tuple(sorted(listed, key=lambda each: each.flight)), kept)
+
+
+def _without(x: Unknowns, m: Measured, wall_of: Indices, gone: Indices) -> Indices:
+    """(n,): walls of the hits without those on what is gone, and without the weak rest of a wall.
+
+    The rest is weak if it alone would not have become a wall.
+    """
+    kept, support, points = wall_of.copy(), Support(), project(x, m).points
+    kept[gone] = NO_WALL
+    for wall in np.unique(wall_of[gone]):
+        rest = np.flatnonzero(kept == wall)
+        along_m = points[rest] @ x.tangents[wall]
+        if len(rest) < support.hits or np.ptp(along_m) < support.extent_m:
+            kept[rest] = NO_WALL
+    return kept
 
 
 def contradicted_shares(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Array:
