@@ -31,8 +31,8 @@ def run_remaining(
     `is_of` tells whether a result is that of a job.
     """
     results: list[F] = pickle.loads(path.read_bytes()) if path.exists() else []
-    remaining = [job for job in jobs if not any(is_of(result, job) for result in results)]
-    random.Random(0).shuffle(remaining)
+    drawn = random.Random(0).sample(jobs, len(jobs))
+    remaining = [job for job in drawn if not any(is_of(result, job) for result in results)]
 
     def keep(result: F) -> str:
         results.append(result)

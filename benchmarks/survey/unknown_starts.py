@@ -110,9 +110,9 @@ def drawn_starts(world: World, config: Config, case: Case) -> list[Start]:
     height_m, model = config.mission.height_m, WorldModel(world)
     north, east, _ = start_state(_setup(world, case.seed, config)).position_ned_m
     places = [
-        (float(at[0]), float(at[1]))
-        for at in reachable(world, height_m, (north, east))
-        if model.clearance_m((float(at[0]), float(at[1]), -height_m)) >= ROOM_M
+        (north_m, east_m)
+        for north_m, east_m in reachable(world, height_m, (north, east)).tolist()
+        if model.clearance_m((north_m, east_m, -height_m)) >= ROOM_M
     ]
     return [_start(draw.choice(places), draw.uniform(0, 360)) for _ in range(case.flights)]
 

@@ -19,7 +19,7 @@ from companion.pdps.layers import fits_above, layer_height_m
 from companion.pdps.viewpoints import looks
 from companion.safety.velocity_guard import clear_of_all_m
 
-AT_START_M, AT_LAYER_M = 0.5, 0.15
+NEAR_START_M, NEAR_HEIGHT_M = 0.5, 0.15
 """The up beam measures the room above the start within these distances of the start and of the
 layer's height, m. Chosen."""
 
@@ -46,12 +46,15 @@ class Left:
         """One line for the user."""
         if self.is_nothing:
             return "nothing that can be reached is left"
-        higher = ["the layers above"] if self.is_higher_left else []
-        places = [
-            f"{len(self.places_ne_m)} places to look from, {self.edge_m:.1f} m of edge to "
-            f"unseen space, at most {math.ceil(self.flight_s / 60)} min"
-        ]
-        return "left: " + "; ".join((places if self.places_ne_m else []) + higher)
+        left = []
+        if self.places_ne_m:
+            left.append(
+                f"{len(self.places_ne_m)} places to look from, {self.edge_m:.1f} m of edge to "
+                f"unseen space, at most {math.ceil(self.flight_s / 60)} min"
+            )
+        if self.is_higher_left:
+            left.append("the layers above")
+        return f"left: {'; '.join(left)}"
 
 
 def left_to_fly(earlier: EarlierFlights, config: Config) -> Left:
@@ -82,8 +85,8 @@ def _fits_above(earlier: EarlierFlights, config: Config) -> bool:
     plan, mount_m = config.mission, config.sensors.mount_offset_m
     north_m, east_m, at_m, above_m = earlier.overhead.T
     height_m = layer_height_m(len(earlier.spaces) - 1, plan) + mount_m
-    is_there = np.hypot(north_m - START_NE_M[0], east_m - START_NE_M[1]) < AT_START_M
-    is_there &= np.abs(at_m - height_m) < AT_LAYER_M
+    is_there = np.hypot(north_m - START_NE_M[0], east_m - START_NE_M[1]) < NEAR_START_M
+    is_there &= np.abs(at_m - height_m) < NEAR_HEIGHT_M
     if not is_there.any():
         return True
     return fits_above(float(np.median(above_m[is_there])) + mount_m, plan)

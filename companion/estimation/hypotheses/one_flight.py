@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from companion.core.arrays import Array, Indices, Mask
+from companion.estimation.hypotheses.chi_square import cost
 from companion.estimation.smoothing.bordered_solver import Gaussian
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
 from companion.estimation.smoothing.smoother import Smoother
@@ -35,6 +36,9 @@ class OneFlight:
     m: Measured
     prior: MarginalPrior
     estimate: Estimate
+    cost: float
+    strain: float
+    """χ² of its present solution: of all, and of odometry and gyro alone."""
 
     def of(self, x: Unknowns) -> Unknowns:
         """Its part of unknowns of all flights, as a copy."""
@@ -77,17 +81,25 @@ class Flights:
         begin, end = (*m.begins, len(x.poses))[number : number + 2]
         frames, hits = slice(begin, end), slice(m.first_hit(begin), m.first_hit(end))
         if len(m.begins) == 1:
-            return OneFlight(0, frames, hits, m, self._prior, self.estimate)
-        part, own = m.between(begin, end), _own(x, number, frames)
-        estimate = Estimate(own, wall_of[hits], self.estimate.solution)
+            part, prior, estimate = m, self._prior, self.estimate
+        else:
+            part, own = m.between(begin, end), _own(x, number, frames)
+            estimate = Estimate(own, wall_of[hits], self.estimate.solution)
+            prior = self._prior_of(number, estimate, part)
+        at_present = cost(self._smoother, estimate, part, prior)
+        strain = self._smoother.motion(estimate.x, part).squares
+        return OneFlight(number, frames, hits, part, prior, estimate, at_present, strain)
+
+    def _prior_of(self, number: int, estimate: Estimate, part: Measured) -> MarginalPrior:
+        """The prior on its start and calibration, and what the others say of the walls."""
+        own = estimate.x
         start = self._own_prior(number, own)
         walls = self._by_others(number, estimate, part, start)
         known = Gaussian(
             block_diag(start.gaussian.information, walls.information),
             np.concatenate([start.gaussian.gradient, walls.gradient]),
         )
-        prior = MarginalPrior(0, values(own, 0), known)
-        return OneFlight(number, frames, hits, part, prior, estimate)
+        return MarginalPrior(0, values(own, 0), known)
 
     def _own_prior(self, number: int, own: Unknowns) -> MarginalPrior:
         """The prior on its first pose and its calibration, about their present values."""

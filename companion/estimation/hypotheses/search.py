@@ -178,7 +178,6 @@ class HypothesisSearch:
 
         `min_relief`: least χ² of odometry and gyro that it saves.
         """
-        likely = self._cost(estimate)
         for work in alternatives:
             alternative = yield from work
             if alternative.saved <= 0 or alternative.relief < min_relief:
@@ -186,7 +185,7 @@ class HypothesisSearch:
             again = yield from self.smoother.smoothing(
                 alternative.x, self.m, self.prior, alternative.gates
             )
-            if self._cost(again) < likely:
+            if self._cost(again) < self._cost(estimate):
                 return again
         return None
 
@@ -212,8 +211,8 @@ class HypothesisSearch:
         return Alternative(
             flight.put_into(joint.x, alone.x),
             gates,
-            one._cost(flight.estimate) - one._cost(alone),
-            one._strain(flight.estimate) - one._strain(alone),
+            flight.cost - one._cost(alone),
+            flight.strain - one._strain(alone),
         )
 
     def _bridged(self, suspect: Mask, flights: Flights) -> Generator[None, None, Alternative]:
