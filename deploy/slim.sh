@@ -3,7 +3,7 @@
 #   - other packages' tests, headers and stubs
 #   - MAVLink's other dialects, and its generator with lxml
 #   - of fontTools, which matplotlib uses to embed fonts in PDFs: compiled parts, their sources, its own formats
-#   - of scipy what filterpy does not use; of pillow what a PNG does not need; a font
+#   - of scipy what is not used; of pillow what a PNG does not need; a font
 #   - of pygments, which colours tracebacks, all languages but Python
 #   - zstandard, which only recordings of other programs may use
 #   - pip and setuptools, which installed the rest
@@ -18,7 +18,7 @@ rm -rf "$packages"/{lxml,zstandard} "$packages"/{lxml,zstandard}-*
 rm -rf "$packages"/{pip,setuptools,pkg_resources,_distutils_hack} "$packages"/{pip,setuptools}-*
 rm -f "$packages/distutils-precedence.pth"
 rm -rf "$packages"/fontTools/{varLib,feaLib,otlLib,ufoLib,cu2qu,qu2cu,designspaceLib,merge,subset}
-rm -rf "$packages"/scipy/{io,signal,odr,cluster,datasets,fftpack,misc}
+rm -rf "$packages"/scipy/{cluster,datasets,fft,fftpack,integrate,interpolate,io,misc,odr,optimize,signal,stats}
 rm -rf "$packages"/matplotlib/mpl-data/{sample_data,fonts/pdfcorefonts,fonts/afm}
 rm -rf "$packages"/tzdata "$packages"/PIL/_{avif,imagingcms,imagingft,imagingtk}.*
 rm -f "$packages"/pillow.libs/lib{avif,brotlicommon,brotlidec,freetype,harfbuzz,lcms2}-*

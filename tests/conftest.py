@@ -4,7 +4,8 @@ All machines use the same examples, and examples have no deadline, so a busy mac
 `pytest --hypothesis-profile search` searches for new examples at random.
 
 A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
-marker in any folder.
+marker in any folder. Those files run first, so that no worker is left alone with one at the end.
+A file runs in one worker, so that a flight of a fixture is flown once.
 """
 
 from pathlib import Path
@@ -19,8 +20,14 @@ settings.load_profile("same")
 HERE = Path(__file__).parent
 
 
+SLOW = ("flights", "processes")
+"""Markers of tests that fly or start programs."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         layer = item.path.relative_to(HERE).parts[0] if HERE in item.path.parents else "flights"
-        if not (layer == "unit" and any(map(item.get_closest_marker, ("flights", "processes")))):
+        if not (layer == "unit" and any(map(item.get_closest_marker, SLOW))):
             item.add_marker(layer)
+    slow = {item.path for item in items if any(map(item.get_closest_marker, SLOW))}
+    items.sort(key=lambda item: item.path not in slow)

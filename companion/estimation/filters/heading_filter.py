@@ -12,7 +12,7 @@ body frame, a turn G and a time τ ago, gives
 
 which is linear too. A wall observed again after a turn therefore measures the gyro's scale, one
 observed again later its bias. All directions are relative to the first heading, ψ = 0 at the start.
-`filterpy` does prediction and correction; it updates the covariance in Joseph form.
+`kalman.py` has the equations of both steps.
 """
 
 import math
@@ -20,12 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 
 from companion.core.arrays import Array
 from companion.core.frames import wrap_rad
 from companion.core.messages import GyroSample
 from companion.core.values import value
+from companion.estimation.filters.kalman import corrected, predicted
 
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
 """Indices of the state."""
@@ -91,30 +91,23 @@ class HeadingFilter:
         self._model = model
         self._last_s: float | None = None
         self._age_s = 0.0
-        self._filter = self._grown(
+        self.restart(
             np.array([0.0, rest_bias_rad_s, 0.0]),
             np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2]),
         )
-        self._cache_state()
-
-    @staticmethod
-    def _grown(x: Array, p: Array) -> KalmanFilter:
-        kalman = KalmanFilter(dim_x=len(x), dim_z=1)
-        kalman.x, kalman.P = x.reshape(-1, 1), p
-        kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
-        return kalman
 
     def restart(self, state: Array, covariance: Array) -> None:
         """Restart from heading, bias, scale and wall directions (n,) with covariance (n, n)."""
-        self._filter = self._grown(state, covariance)
-        self._cache_state()
+        self._f, self._q = np.eye(len(state)), np.zeros((len(state), len(state)))
+        self._set(state, covariance)
 
-    def _cache_state(self) -> None:
-        """Cache the state as plain floats, for reads many times a tick."""
-        self._values: list[float] = self._filter.x[:, 0].tolist()
+    def _set(self, x: Array, p: Array) -> None:
+        self._x, self._p = x, p
+        # as plain floats, for reads many times a tick
+        self._values: list[float] = x.tolist()
 
     def _sigma(self, index: int) -> float:
-        return math.sqrt(self._filter.P.item(index, index))
+        return math.sqrt(self._p.item(index, index))
 
     @property
     def yaw_rad(self) -> float:
@@ -141,7 +134,7 @@ class HeadingFilter:
 
     def relative_sigma_rad(self, wall: int) -> float:
         """Sigma of the angle between the heading and a wall's normal."""
-        at, covariance = _WALLS + wall, self._filter.P.item
+        at, covariance = _WALLS + wall, self._p.item
         variance = covariance(at, at) + covariance(_YAW, _YAW) - 2 * covariance(at, _YAW)
         return math.sqrt(max(variance, 0.0))
 
@@ -163,15 +156,14 @@ class HeadingFilter:
         """
         if duration_s <= 0:
             return 0.0, 0.0
-        kalman, model = self._filter, self._model
+        f, q, model = self._f, self._q, self._model
         before = self._values[_YAW]
-        kalman.F[_YAW, _BIAS] = -duration_s
-        kalman.F[_YAW, _SCALE] = -turned_rad
-        kalman.x[_YAW, 0] += turned_rad
-        kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s + variance_rad2
-        kalman.Q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
-        kalman.predict()
-        self._cache_state()
+        f[_YAW, _BIAS] = -duration_s
+        f[_YAW, _SCALE] = -turned_rad
+        self._x[_YAW] += turned_rad
+        q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s + variance_rad2
+        q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
+        self._set(*predicted(self._x, self._p, f, q))
         return self._values[_YAW] - before, turned_rad
 
     def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float, float]:
@@ -187,13 +179,12 @@ class HeadingFilter:
 
     def add_wall(self, observed: WallBearing) -> int:
         """Add a wall; returns its number."""
-        size = len(self._filter.x)
+        size = len(self._x)
         covariance = np.zeros((size + 1, size + 1))
-        covariance[:size, :size] = self._filter.P
+        covariance[:size, :size] = self._p
         covariance[size, size] = _UNKNOWN_SIGMA_RAD**2
         direction = observed.bearing_frd_rad - observed.turned_rad + self._values[_YAW]
-        self._filter = self._grown(np.append(self._filter.x, direction), covariance)
-        self._cache_state()
+        self.restart(np.append(self._x, direction), covariance)
         wall = size - _WALLS
         self.correct_by_wall(wall, observed)
         return wall
@@ -206,8 +197,8 @@ class HeadingFilter:
     def innovation(self, wall: int, observed: WallBearing) -> tuple[float, float]:
         """Innovation of a wall's bearing and its sigma, rad."""
         h = self._gradient(wall, observed)
-        expected = float(h @ self._filter.x[:, 0]) + observed.turned_rad
-        spread = math.sqrt(float(h @ self._filter.P @ h) + observed.sigma_rad**2)
+        expected = float(h @ self._x) + observed.turned_rad
+        spread = math.sqrt(float(h @ self._p @ h) + observed.sigma_rad**2)
         return wrap_rad(observed.bearing_frd_rad - expected), spread
 
     def _gradient(self, wall: int, observed: WallBearing) -> Array:
@@ -218,21 +209,19 @@ class HeadingFilter:
     def align_to_right_angle(self, wall: int, other: int, sigma_rad: float) -> bool:
         """Constrain the angle between two walls to a multiple of 90°, with sigma `sigma_rad`."""
         h = self._difference(_WALLS + wall, _WALLS + other)
-        angle = float(h @ self._filter.x[:, 0])
+        angle = float(h @ self._x)
         quarter = math.pi / 2
         return self._correct(h, round(angle / quarter) * quarter - angle, sigma_rad)
 
     def _difference(self, first: int, second: int) -> Array:
-        h = np.zeros(len(self._filter.x))
+        h = np.zeros(len(self._x))
         h[first], h[second] = 1.0, -1.0
         return h
 
     def _correct(self, h: Array, innovation: float, sigma: float) -> bool:
-        kalman = self._filter
-        spread = math.sqrt(float(h @ kalman.P @ h) + sigma**2)
+        spread = math.sqrt(float(h @ self._p @ h) + sigma**2)
         if abs(innovation) > self.GATE_SIGMAS * spread:
             return False
-        measured = float(h @ kalman.x[:, 0]) + innovation
-        kalman.update(np.array([[measured]]), R=np.array([[sigma**2]]), H=h.reshape(1, -1))
-        self._cache_state()
+        measured = float(h @ self._x) + innovation
+        self._set(*corrected(self._x, self._p, h, measured, sigma**2))
         return True

@@ -25,7 +25,8 @@ boot_config = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(boot_config)
 LEFT_OUT = (
     *("lxml", "zstandard", "setuptools", "pkg_resources", "pip", "tzdata"),
-    *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
+    *("scipy.cluster", "scipy.fft", "scipy.fftpack", "scipy.integrate", "scipy.interpolate"),
+    *("scipy.io", "scipy.odr", "scipy.optimize", "scipy.signal", "scipy.stats"),
     *("PIL._avif", "PIL._imagingcms", "PIL._imagingft", "PIL._imagingtk"),
 )
 """Modules that deploy/slim.sh removes."""
