@@ -61,6 +61,13 @@ def points_to_frd(points_ne_m: Array, yaw_rad: float) -> Array:
     return points_frd_m
 
 
+def to_nearest_m(points: Array, others: Array) -> Array:
+    """Distance of each point (n, 2) to the nearest of others (m, 2), (n,), m; infinite without."""
+    first, second = (points[:, None, axis] - others[:, axis] for axis in (0, 1))
+    squares: Array = (first * first + second * second).min(axis=1, initial=math.inf)
+    return np.sqrt(squares)
+
+
 def ned_to_enu(vector_ned: Vector3) -> Vector3:
     """NED vector to ENU; its own inverse."""
     north, east, down = vector_ned

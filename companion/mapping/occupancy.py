@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation
 
 from companion.core.arrays import Array, Indices, Mask
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, to_nearest_m
 from companion.mapping.rays import Ray, Rays
 
 CELL_M = 0.1
@@ -222,8 +222,9 @@ class Occupancy:
 
     def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Array, Array]:
         """Occupied cells within about this distance: middles (n, 2) and last hits' times (n,)."""
-        cells = self._near(place_ne_m, within_m, lambda near: near.log_odds > OCCUPIED_ABOVE)
-        return self._middles(cells), self._layers.met_s[cells[:, 0], cells[:, 1]]
+        window = self._window(place_ne_m, within_m)
+        cells = np.nonzero(self._layers.log_odds[window] > OCCUPIED_ABOVE)
+        return self._middles(cells, window), self._layers.met_s[window][cells]
 
     def is_met_near(self, places_ne_m: Array, within_m: float) -> Mask:
         """(n,): True for places (n, 2) with the middle of an occupied cell within a distance."""
@@ -250,30 +251,33 @@ class Occupancy:
 
         Cells within `flown_m` of the flight path are excluded.
         """
-        met_ne_m, met_s = self.met_near(place_ne_m, within_m)
-        before: Array = met_ne_m[(met_s != 0) & (met_s < time_s)]
+        window = self._window(place_ne_m, within_m)
+        met_s = self._layers.met_s[window]
+        is_before = (self._layers.log_odds[window] > OCCUPIED_ABOVE) & (met_s < time_s)
+        before = self._middles(np.nonzero(is_before & (met_s != 0)), window)
         if not len(before):
             return before
-        flown = self._near(place_ne_m, within_m + flown_m, lambda near: near.flown)
-        apart = before[:, None] - self._middles(flown)
-        off_m = np.linalg.norm(apart, axis=2).min(axis=1, initial=math.inf)
-        unflown: Array = before[off_m > flown_m]
+        around = self._window(place_ne_m, within_m + flown_m)
+        flown = self._middles(np.nonzero(self._layers.flown[around]), around)
+        unflown: Array = before[to_nearest_m(before, flown) > flown_m]
         return unflown
 
-    def _near(
-        self, place_ne_m: Vector2, within_m: float, which: Callable[[_Layers], Mask]
-    ) -> Indices:
-        """Rows and columns (n, 2) of the selected cells within about this distance."""
+    def _window(self, place_ne_m: Vector2, within_m: float) -> tuple[slice, slice]:
+        """Rows and columns within about this distance."""
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)
         top, left = max(row - reach, 0), max(column - reach, 0)
-        window = np.s_[top : row + reach + 1, left : column + reach + 1]
-        cells = np.argwhere(which(self._layers.each(lambda layer: layer[window])))
-        return np.add(cells, (top, left))
+        bottom, right = max(row + reach + 1, 0), max(column + reach + 1, 0)
+        return np.s_[top:bottom, left:right]
 
-    def _middles(self, cells: Indices) -> Array:
-        """(n, 2): middles of cells (n, 2)."""
-        return CELL_M * ((cells + self._low).astype(np.float64) + 0.5)
+    def _middles(self, cells: Sequence[NDArray[Any]], window: tuple[slice, slice]) -> Array:
+        """(n, 2): middles of cells, as rows and columns (n,) of a window."""
+        return CELL_M * np.column_stack(
+            [
+                each + (part.start + low) + 0.5
+                for each, part, low in zip(cells, window, self._low, strict=True)
+            ]
+        )
 
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
         """Distance to the nearest occupied cell, at most `within_m`."""

@@ -17,10 +17,8 @@ pole. The memory keeps it until beams have passed through all of its width.
     = unmapped
 """
 
-import numpy as np
-
 from companion.core.arrays import Array
-from companion.core.frames import points_to_frd
+from companion.core.frames import points_to_frd, to_nearest_m
 from companion.core.messages import Pose
 from companion.mapping.occupancy import Occupancy
 from companion.safety.control_laws import BODY_RADIUS_M
@@ -50,8 +48,7 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
     recalled = points_to_frd(met_ne_m - here, pose.yaw_rad)
     if not len(lately_frd_m):
         return recalled
-    apart_m = np.linalg.norm(recalled[:, None] - lately_frd_m, axis=2).min(axis=1)
-    kept: Array = recalled[apart_m > MET_ANEW_M]
+    kept: Array = recalled[to_nearest_m(recalled, lately_frd_m) > MET_ANEW_M]
     return kept
 
 

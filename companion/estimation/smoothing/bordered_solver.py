@@ -51,7 +51,9 @@ class Sums:
         self._pending = 0
 
     def add(self, place: Indices | int, value: Array) -> None:
-        self._places.append(np.broadcast_to(place, value.shape))
+        if isinstance(place, int) or place.shape != value.shape:
+            place = np.broadcast_to(place, value.shape)
+        self._places.append(place)
         self._values.append(value)
         self._pending += value.size
         if self._pending > self.BATCH:

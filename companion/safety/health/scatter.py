@@ -68,12 +68,14 @@ class Scatter:
         self._last_m = middle_m, now_m
         off_m = abs(before_m - 2 * middle_m + now_m)
         sigma_m = math.sqrt(reading.variance_m2)
-        known_by = sum(abs(m - now_m) < KNOWN_SIGMAS * sigma_m for m in self._lately_m)
-        is_new = len(self._lately_m) < KNOWN_OF
+        lately_m = tuple(self._lately_m)
         self._lately_m.append(now_m)
-        if is_new or math.isnan(off_m):
+        if len(lately_m) < KNOWN_OF or math.isnan(off_m):
             return
-        is_rough = off_m > ROUGH_SIGMAS * sigma_m and known_by < KNOWN_BY
+        is_rough = off_m > ROUGH_SIGMAS * sigma_m
+        if is_rough:
+            known_by = sum(abs(m - now_m) < KNOWN_SIGMAS * sigma_m for m in lately_m)
+            is_rough = known_by < KNOWN_BY
         self._sum = min(max(0.0, self._sum + _log_ratio(moved_m, is_rough=is_rough)), MAX_SUM)
 
 
