@@ -49,6 +49,7 @@ class FreeFloor:
         self._origin, shape = _grid(world)
         axes = (self._origin[axis] + GRID_M * np.arange(shape[axis]) for axis in (0, 1))
         self._places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        self._points = np.asarray(shapely.points(self._places))
         away_m = self._away_m(world)
         self._inside = _joined(away_m > INSIDE_M, self._cells(self._starts))
         self._free: Mask = away_m > WAY_M
@@ -136,8 +137,7 @@ class FreeFloor:
     def _near(self, footprint: shapely.Polygon) -> tuple[Window, Mask]:
         """Window around a piece, and its cells that are too near to the piece for a way."""
         window = self._window(footprint, AROUND_M)
-        points = shapely.points(self._places[window])
-        return window, np.asarray(shapely.dwithin(points, footprint, WAY_M))
+        return window, np.asarray(shapely.dwithin(self._points[window], footprint, WAY_M))
 
     def _pockets(self, window: Window, near: Mask) -> Mask | None:
         """Cells that a piece would cut off; None if a check within the window finds none."""

@@ -1,5 +1,7 @@
 """Finds the nearest of thousands of walls for thousands of points, without a table of all pairs."""
 
+from itertools import chain
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -36,11 +38,12 @@ class NearestWall:
         distance_m, sample = self._tree.query(points, k=SAMPLES_AT_FIRST)
         reach_m = distance_m[:, 0] + self._reach_m
         row, column = np.nonzero(distance_m <= reach_m[:, None])
-        pairs = [np.column_stack([row, self._wall_of[sample[row, column]]])]
-        for crowded in np.flatnonzero(distance_m[:, -1] <= reach_m).tolist():
-            wall = self._wall_of[self._tree.query_ball_point(points[crowded], reach_m[crowded])]
-            pairs.append(np.column_stack([np.full(len(wall), crowded), wall]))
-        return self._best(points, np.concatenate(pairs))
+        crowded = np.flatnonzero(distance_m[:, -1] <= reach_m)
+        near = self._tree.query_ball_point(points[crowded], reach_m[crowded])
+        rows = [row, np.repeat(crowded, [len(samples) for samples in near])]
+        samples = sample[row, column], np.fromiter(chain.from_iterable(near), dtype=np.int64)
+        wall = self._wall_of[np.concatenate(samples)]
+        return self._best(points, np.column_stack([np.concatenate(rows), wall]))
 
     def _best(self, points: Array, pairs: Indices) -> tuple[Array, Array]:
         """The nearest wall of each point among pairs (k, 2); the first one if two are as near."""
