@@ -1,7 +1,8 @@
 """Configures hypothesis, and marks each test with its layer.
 
 All machines use the same examples, and examples have no deadline, so a busy machine does not fail.
-`pytest --hypothesis-profile search` searches for new examples at random.
+`pytest --hypothesis-profile search` searches for new examples at random, and `fast` uses a fifth of
+the examples.
 
 A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
 marker in any folder. Those files run first, so that no worker is left alone with one at the end.
@@ -15,6 +16,7 @@ from hypothesis import settings
 
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None)
+settings.register_profile("fast", deadline=None, derandomize=True, max_examples=20)
 settings.load_profile("same")
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
-from companion.mapping.rays import Ray
+from companion.mapping.rays import Ray, Rays
 from companion.navigation import travel as travelling
 from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
 from companion.navigation.observation import Observation
@@ -36,9 +36,8 @@ def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
 
 
 def sweep_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> None:
-    for degree in range(0, 360):
-        for _ in range(3):
-            grid.add(Ray(centre, math.radians(degree), reach_m, 0.01, hit, 0.0))
+    round_once = [Ray(centre, math.radians(n), reach_m, 0.01, hit, 0.0) for n in range(360)]
+    grid.draw(Rays.of(3 * round_once))
 
 
 def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.messages import Odometry
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.link.odometry import OdometryReader
+from tests.examples import examples
 
 TICK_S = 0.05
 SPEED_M_S, YAW_RATE_RAD_S = 0.5, math.radians(45)
@@ -80,7 +81,7 @@ def ours(true_s: float) -> float:
     return 20.0 + true_s
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(st.floats(-3.0, 3.0), st.booleans(), st.integers(1, 1000))
 def test_a_clock_step_leaves_no_gap_and_no_jump_in_the_odometry(
     step_s: float, is_ours: bool, seed: int

@@ -26,6 +26,7 @@ from companion.estimation.filters.heading_filter import GyroModel, HeadingFilter
 from companion.estimation.filters.position_filter import WALLS, LineSlam, Wall
 from companion.estimation.filters.wall_runs import RunHit, WallRun
 from companion.estimation.smoothing.odometry_model import OdometryModel
+from tests.examples import examples
 
 
 def units_of(model: RangeModel) -> dict[Beam, RangeUnit]:
@@ -115,7 +116,7 @@ def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, floa
     pytest.fail("no run was finished")
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.floats(-180, 180), st.sampled_from([0.01, 0.05]), st.integers(0, 10_000))
 def test_the_direction_error_of_a_run_is_consistent_with_its_sigma(
     normal_deg: float, sigma_m: float, seed: int

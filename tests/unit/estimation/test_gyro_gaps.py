@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from companion.core.messages import GyroSample, Odometry
 from companion.estimation.filters.heading_filter import GyroModel, HeadingFilter
 from companion.safety.health.gyro import GyroWatch
+from tests.examples import examples
 
 TICK_S, PERIOD_S, FIFO = 0.05, 1 / 119, 32
 BEGINS_S = 2.0
@@ -102,7 +103,7 @@ class Flown:
 RATES = st.floats(-90, 90).map(math.radians)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=examples(200))
 @given(
     gap_s=st.floats(0.1, 3.0),
     before_rad_s=RATES,

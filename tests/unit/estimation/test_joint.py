@@ -1,6 +1,8 @@
 """Tests the joint solution of several flights: shared walls, a calibration for each flight."""
 
 import math
+from copy import deepcopy
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,12 +10,18 @@ import pytest
 from companion.core.arrays import Array
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.one_flight import Flights
-from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoothing.joint import PlacedFlight, joined, moved_to
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother
-from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, Measured, to_ned
+from companion.estimation.smoothing.state import (
+    POSE_SIZE,
+    WALL_SIZE,
+    Measured,
+    Unknowns,
+    to_ned,
+)
 from tests.unit.estimation.test_association import ROOM, UNITS, Segment, fly, mapped
 
 SMOOTHER = Smoother(Models(UNITS), Support())
@@ -87,17 +95,23 @@ def seen_from(start: Array) -> list[Segment]:
     return [((a, b), (c, d)) for a, b, c, d in moved.reshape(-1, 4).tolist()]
 
 
-@pytest.mark.parametrize("number", [0, 1, 2])
-def test_one_flight_with_the_others_as_a_prior_takes_the_step_of_the_joint_solution(
-    number: int,
-) -> None:
-    """Identity of the Schur complement: far from the solution, too."""
+@cache
+def three_flights() -> tuple[Measured, Unknowns, MarginalPrior, Estimate]:
+    """Three flights, the starting point of their joint solution, its prior, and the solution."""
     flights = [
         placed(flown(PATHS[i % 2], seed, scale), np.zeros(3))
         for i, (seed, scale) in enumerate(((7, 0.03), (8, -0.02), (9, 0.0)))
     ]
     m, x, prior = joined(SMOOTHER, flights)
-    solution = SMOOTHER.smooth(x, m, prior, FINAL_GATES)
+    return m, x, prior, SMOOTHER.smooth(x, m, prior, FINAL_GATES)
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_one_flight_with_the_others_as_a_prior_takes_the_step_of_the_joint_solution(
+    number: int,
+) -> None:
+    """Identity of the Schur complement: far from the solution, too."""
+    m, x, prior, solution = deepcopy(three_flights())
     draw = np.random.default_rng(number)
     x.poses[:, :3] += draw.normal(0, 0.01, (len(x.poses), 3))
     x.walls += draw.normal(0, 0.01, x.walls.shape)

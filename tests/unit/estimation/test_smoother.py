@@ -34,6 +34,7 @@ from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import PERIOD_S
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Measured, Unknowns
+from tests.examples import examples
 
 
 @pytest.mark.parametrize("begins", [(0,), (0, 6)])
@@ -121,7 +122,7 @@ def test_two_lines_through_the_hits_of_one_wall_become_one_wall(other: tuple[flo
     assert (wall_of == 0).mean() > 0.95
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=examples(30))
 @given(st.floats(-0.02, 0.02), st.floats(0, 0.008))
 def test_gyro_samples_are_stamped_with_their_sampling_time(
     clock_error: float, phase_s: float

@@ -28,6 +28,7 @@ from sitl.commands.cli import commands as sitl
 from sitl.core.errors import SitlError
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import load_world
+from tests.examples import examples
 from tests.worlds import SMALL_ROOM
 
 LABELS = Labels("a flight", Place(47.0, 8.0, 0.0))
@@ -86,7 +87,7 @@ def active_view(document: Drawing) -> VPort:
     east_m=st.floats(1, 60),
     corner=st.tuples(st.floats(-100, 100), st.floats(-100, 100)),
 )
-@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(10), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_initial_view_of_a_dxf_shows_the_whole_plan(
     tmp_path: Path, north_m: float, east_m: float, corner: Vector2
 ) -> None:

@@ -9,7 +9,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
-from companion.mapping.rays import Ray
+from companion.mapping.rays import Ray, Rays
 from companion.navigation.landing_site import landing_site
 
 PLAN = MissionConfig()
@@ -19,10 +19,12 @@ HEIGHT_M = 1.2
 def flown(*track_ne_m: Vector2) -> Occupancy:
     """A round hall of 4 m with the given flown cells."""
     space = Occupancy()
-    for place in track_ne_m:
-        for degree in range(0, 360, 2):
-            for _ in range(2):
-                space.add(Ray(place, math.radians(degree), 4.0, 0.0, False, 0.0))
+    rays = [
+        Ray(place, math.radians(degree), 4.0, 0.0, False, 0.0)
+        for place in track_ne_m
+        for degree in range(0, 360, 2)
+    ]
+    space.draw(Rays.of(2 * rays))
     return space
 
 

@@ -15,6 +15,7 @@ from companion.offline.mapper import map_log
 from companion.offline.reading.log import Log
 from companion.offline.reading.readers import read_log
 from companion.offline.reading.sensors import SensorsConfig, load
+from tests.examples import examples
 
 HEADER = "time_s,odom_x_m,odom_y_m,odom_yaw_rad,front_m"
 
@@ -109,7 +110,7 @@ NUMBERS = st.one_of(
 COLUMNS = st.permutations([*HEADER.split(","), "left_m", "up_m", "gyro_z_rad_s"])
 
 
-@settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=examples(40), suppress_health_check=[HealthCheck.too_slow])
 @given(
     header=st.one_of(COLUMNS.map(",".join), st.text(max_size=40)),
     rows=st.lists(st.lists(NUMBERS, min_size=7, max_size=9).map(",".join), max_size=12),

@@ -16,7 +16,7 @@ from companion.core.messages import (
 )
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
-from companion.mapping.rays import Ray
+from companion.mapping.rays import Ray, Rays
 from companion.navigation.observation import Observation
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightAction, FlightState, Phase, TickInput
@@ -35,9 +35,9 @@ FLYING = replace(
 CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
 UNSEEN_FLOOR = Heights(0.0)
 SPACE = Occupancy()
-for degree in range(360):
-    for _ in range(3):
-        SPACE.add(Ray((1.0, 1.0), math.radians(degree), 4.0, 0.0, False, 0.0))
+SPACE.draw(
+    Rays.of(3 * [Ray((1.0, 1.0), math.radians(n), 4.0, 0.0, False, 0.0) for n in range(360)])
+)
 """Free space within the range of one turn."""
 
 

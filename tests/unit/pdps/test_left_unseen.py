@@ -5,7 +5,7 @@ import math
 import pytest
 
 from companion.mapping.occupancy import Occupancy
-from companion.mapping.rays import Ray
+from companion.mapping.rays import Ray, Rays
 from companion.pdps.frontiers import Places
 from companion.pdps.left_unseen import in_words, left_unseen
 
@@ -19,14 +19,14 @@ def room_with_an_opening(wide_m: float) -> Occupancy:
 
     No beam has passed through the opening.
     """
-    grid = Occupancy()
+    grid, rays = Occupancy(), []
     for tenth in range(3600):
         bearing_rad = math.radians(tenth / 10)
         to_m = AHEAD_M / max(abs(math.cos(bearing_rad)), abs(math.sin(bearing_rad)))
         is_north = math.cos(bearing_rad) > 0 and abs(math.tan(bearing_rad)) < 1
         in_it = is_north and abs(AHEAD_M * math.tan(bearing_rad) - ASIDE_M) < wide_m / 2
-        for _ in range(3):
-            grid.add(Ray((0.0, 0.0), bearing_rad, to_m, 0.01, not in_it, 0.0))
+        rays.append(Ray((0.0, 0.0), bearing_rad, to_m, 0.01, not in_it, 0.0))
+    grid.draw(Rays.of(3 * rays))
     return grid
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from companion.core.frames import wrap_rad
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
+from tests.examples import examples
 
 
 def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> list[TurnReading]:
@@ -27,7 +28,7 @@ def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> 
     return rays
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.floats(-math.pi, math.pi), st.floats(1.5, 3.0), st.integers(0, 1000))
 def test_the_perpendicular_is_found_within_8_degrees_and_12_centimetres(
     bearing: float, distance_m: float, seed: int

@@ -11,7 +11,7 @@ from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
-from companion.mapping.rays import Ray
+from companion.mapping.rays import Ray, Rays
 from companion.navigation.observation import Observation
 from companion.pdps.room_scan import step
 from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
@@ -23,9 +23,8 @@ PLAN = MissionConfig()
 def seen_from(place_ne_m: Vector2, degrees: range, reach_m: float) -> Occupancy:
     """Free space in these directions from a place, without walls."""
     grid = Occupancy()
-    for degree in degrees:
-        for _ in range(3):
-            grid.add(Ray(place_ne_m, math.radians(degree), reach_m, 0.0, False, 0.0))
+    once = [Ray(place_ne_m, math.radians(n), reach_m, 0.0, False, 0.0) for n in degrees]
+    grid.draw(Rays.of(3 * once))
     return grid
 
 

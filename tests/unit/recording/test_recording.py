@@ -45,6 +45,7 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.testing import Flight, Sitl, link_down, unplug, when
 from sitl.world.loading import load_world
+from tests.examples import examples
 from tests.worlds import SMALL_ROOM
 
 pytestmark = pytest.mark.flights
@@ -198,7 +199,7 @@ def _packets(tlog: Path) -> list[dict[str, object]]:
     return packets
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.data())
 def test_a_recording_cut_anywhere_still_opens(whole: Recorded, data: st.DataObject) -> None:
     everything = whole.mcap.read_bytes()

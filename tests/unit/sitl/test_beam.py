@@ -20,6 +20,7 @@ from sitl.sensors.beam import (
 )
 from sitl.world.format import World
 from sitl.world.geometry.model import Hit, WorldModel
+from tests.examples import examples
 
 NORTH = (1.0, 0.0, 0.0)
 REACH_M = 8.0
@@ -49,7 +50,7 @@ def readings(beam: LightBeam, count: int) -> list[float | None]:
     return [reading(beam) for _ in range(count)]
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.floats(0.1, 2.9), st.floats(0.1, 5.9), st.floats(-math.pi, math.pi), st.floats(-1, 1))
 def test_without_physics_a_beam_is_a_ray(
     north_m: float, east_m: float, bearing_rad: float, climb_rad: float

@@ -15,6 +15,7 @@ from sitl.core.truth import TrueState
 from sitl.scoring.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples
+from tests.examples import examples
 
 ROOM: list[tuple[Vector2, Vector2]] = [
     ((0.0, 0.0), (10.0, 0.0)),
@@ -40,7 +41,7 @@ def test_the_true_map_has_a_perfect_score() -> None:
     assert (score.coverage, score.false_walls) == (1.0, 0.0)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.02, 0.02))
 def test_alignment_removes_a_rigid_error(north: float, east: float, turn_rad: float) -> None:
     walls = [(moved(a, north, east, turn_rad), moved(b, north, east, turn_rad)) for a, b in ROOM]
@@ -124,7 +125,7 @@ def nearest_by_brute_force(points: Array, walls: Array) -> tuple[Array, Array]:
     return away[rows, best], feet[rows, best]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0.02, 8))
 def test_the_nearest_wall_matches_a_brute_force_search(
     seed: int, count: int, longest_m: float

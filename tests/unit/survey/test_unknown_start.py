@@ -11,6 +11,7 @@ from companion.core.arrays import Array
 from companion.core.frames import moved, wrap_rad
 from companion.survey.evidence import Sight, evidence, inverse
 from companion.survey.unknown_start import candidates, different_places, is_same, search_start
+from tests.examples import examples
 from tests.unit.survey.rooms import (
     L_PATH,
     L_SHAPE,
@@ -44,7 +45,7 @@ def shape_with_alcove(start: Array, seed: int = 0) -> Sight:
     return seen(sides(corners), [inside(RECTANGLE)], start, seed)
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(STARTS, STARTS)
 def test_the_start_in_a_room_without_symmetry_is_found_in_any_frame(
     first: Array, second: Array
@@ -57,7 +58,7 @@ def test_the_start_in_a_room_without_symmetry_is_found_in_any_frame(
     assert wrap_rad(first[2] + yaw_rad - second[2]) == pytest.approx(0, abs=math.radians(1))
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(STARTS)
 def test_swapped_flights_agree(start: Array) -> None:
     one, other = l_shape(ORIGIN), l_shape(start, seed=1)

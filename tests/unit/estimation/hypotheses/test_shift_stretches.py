@@ -19,6 +19,7 @@ from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Measured, Unknowns
+from tests.examples import examples
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 SMOOTHER = Smoother(Models(UNITS), Support())
@@ -74,14 +75,14 @@ def found(m: Measured, estimate: Estimate) -> list[Shift]:
             return result
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(st.integers(0, 1000))
 def test_a_consistent_flight_has_no_shifts(seed: int) -> None:
     m, _, estimate = flight_in_a_room(seed, 0.0)
     assert not found(m, estimate)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(st.integers(0, 1000), st.floats(0.3, 0.7))
 def test_a_stretch_that_is_offset_from_the_map_is_found_with_its_shift(
     seed: int, offset_m: float

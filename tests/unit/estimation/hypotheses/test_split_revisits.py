@@ -21,6 +21,7 @@ from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
 from companion.estimation.smoothing.state import Measured, Unknowns
+from tests.examples import examples
 
 EASTWARDS_RAD = math.pi / 2
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
@@ -70,14 +71,14 @@ def suspect_visits(m: Measured, estimate: Estimate) -> list[Indices]:
             return visits
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 1000))
 def test_two_visits_to_one_wall_give_no_split_candidate(seed: int) -> None:
     m, as_one_wall = flight_past_two_walls(seed, 0.0)
     assert not suspect_visits(m, as_one_wall)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 1000), st.sampled_from([-0.5, -0.4, 0.4, 0.5]))
 def test_two_walls_associated_as_one_give_a_split_candidate(seed: int, apart_m: float) -> None:
     m, as_one_wall = flight_past_two_walls(seed, apart_m)

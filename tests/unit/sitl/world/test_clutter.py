@@ -29,6 +29,7 @@ from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world
 from sitl.world.plan import observable_points, samples, wall_surfaces
 from sitl.world.writing import to_toml
+from tests.examples import examples
 from tests.worlds import SMALL_ROOM
 
 BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterior")
@@ -42,7 +43,7 @@ HALF_GAP_M = 0.3
 """Half the largest distance of two legs below a board that the hull could hit, m."""
 
 seeds = st.integers(0, 10**6)
-each_world = settings(max_examples=8, deadline=None)
+each_world = settings(max_examples=examples(8), deadline=None)
 
 
 def pieces(before: World, after: World) -> list[Panel]:
@@ -149,7 +150,7 @@ def test_clutter_does_not_intersect_existing_furniture() -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
 @given(seeds)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_furniture_has_the_documented_sizes(kind: object, seed: int) -> None:
     rng = random.Random(seed)
     make = kind.make  # type: ignore[attr-defined]
@@ -169,7 +170,7 @@ def test_furniture_has_the_documented_sizes(kind: object, seed: int) -> None:
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
 @given(seeds)
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_beams_detect_the_parts_that_the_hull_can_touch(kind: object, seed: int) -> None:
     rng = random.Random(seed)
     piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
@@ -198,7 +199,7 @@ def a_doorway(width_m: float) -> World:
 
 
 @given(seeds, st.floats(0.7, 1.4))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 def test_an_open_door_leaves_its_doorway_wide_enough(seed: int, width_m: float) -> None:
     world = a_doorway(width_m)
     rng = random.Random(seed)

@@ -12,6 +12,7 @@ from sitl.world.cropping import cropped
 from sitl.world.format import World, WorldError
 from sitl.world.geometry.mesh import visible_mesh
 from sitl.world.geometry.model import WorldModel
+from tests.examples import examples
 
 SIDE_M = 10.0
 FAR_M = 200.0
@@ -66,7 +67,7 @@ def test_boxes_end_at_the_border() -> None:
 PLACES = st.tuples(st.floats(3.3, 9.5), st.floats(15.3, 24.7))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(PLACES, st.floats(0, math.tau), st.sampled_from([0.4, 1.2, 2.3]))
 def test_ranges_inside_are_unchanged_up_to_the_closed_border(
     place: Vector2, bearing_rad: float, height_m: float

@@ -14,6 +14,7 @@ from sitl.world.geometry.mesh import obstacle_mesh, visible_mesh
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world, world_names
 from sitl.world.plan import observable_points, wall_surfaces
+from tests.examples import examples
 
 FURNISHED = World.model_validate(
     {
@@ -62,7 +63,7 @@ def unit(bearing_rad: float, climb_rad: float) -> Vector3:
     return level * math.cos(bearing_rad), level * math.sin(bearing_rad), -math.sin(climb_rad)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(INSIDE, st.floats(-math.pi, math.pi), st.floats(-1.5, 1.5))
 def test_ranges_are_exact(origin: Vector3, bearing_rad: float, climb_rad: float) -> None:
     direction = unit(bearing_rad, climb_rad)
@@ -74,7 +75,7 @@ def test_ranges_are_exact(origin: Vector3, bearing_rad: float, climb_rad: float)
 CORNERS = [(n, e, d) for n in (0.0, 6.0) for e in (0.0, 5.0) for d in (0.0, -1.3, -2.6)]
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(INSIDE, st.sampled_from(CORNERS))
 def test_rays_at_edges_and_corners_are_not_lost(origin: Vector3, corner: Vector3) -> None:
     distance = math.dist(origin, corner)
@@ -117,7 +118,7 @@ def test_the_floor_is_no_obstacle() -> None:
     assert MODEL.clearance_m((3.0, 2.5, 0.0)) > 0.5
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.lists(INSIDE, min_size=2, max_size=20))
 def test_body_clearance_never_exceeds_the_exact_value_below_1_m(path: list[Vector3]) -> None:
     watching = WorldModel(FURNISHED)

@@ -18,6 +18,7 @@ from sitl.world.generator import named, random_world
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
 from sitl.world.plan import samples, wall_surfaces
+from tests.examples import examples
 
 GRID_M = 0.1
 PASSABLE_M = 0.5
@@ -27,7 +28,7 @@ BEFORE_DOOR_M = 1.25
 TOUCH_M = 0.001
 
 seeds = st.integers(0, 10**9)
-each_building = settings(max_examples=12, deadline=None)
+each_building = settings(max_examples=examples(12), deadline=None)
 
 
 def doors(world: World) -> list[tuple[Segment, Vector2, float, float]]:

@@ -19,6 +19,7 @@ from sitl.world.format import World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
+from tests.examples import examples
 from tests.unit.sitl.world.room_files import MAP, SQUARE, refused
 
 BOX = trimesh.creation.box((5.0, 4.0, 2.6))
@@ -213,7 +214,7 @@ def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
     return bytes(data[: draw(st.integers(0, len(data)))] if draw(st.integers(0, 5)) == 0 else data)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(st.data())
 def test_a_damaged_file_is_refused_or_gives_a_valid_world(
     folder: Path, data: st.DataObject

@@ -123,7 +123,9 @@ def test_triangulation_preserves_the_area_of_a_polygon(count: int, random: Any) 
     if max(gaps) > 3 or min(gaps) < 0.05:
         return
     flat = [(r * math.cos(a), r * math.sin(a)) for a in angles for r in [random.uniform(0.5, 3)]]
-    u, v = np.linalg.qr(np.array([[random.gauss(0, 1) for _ in range(2)] for _ in range(3)]))[0].T
+    u, v = np.linalg.qr(np.array([[random.uniform(-1, 1) for _ in range(2)] for _ in range(3)]))[
+        0
+    ].T
     points = [tuple((x * u + y * v).tolist()) for x, y in flat]
     area = sum(a * d - b * c for (a, b), (c, d) in zip(flat, [*flat[1:], flat[0]], strict=True)) / 2
     cut = [np.array([points[i] for i in three]) for three in triangles(range(count), points)]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from sitl.world.format import WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
+from tests.examples import examples
 
 PLANS = Path(__file__).parents[5] / "shared" / "floorplans"
 SQUARE = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]]
@@ -63,7 +64,7 @@ def test_other_units_are_refused(tmp_path: Path) -> None:
         load_world(write(tmp_path, SQUARE, units="ft"))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_random_bytes_are_refused(data: bytes) -> None:
     import tempfile  # noqa: PLC0415 - hypothesis and tmp_path do not go together

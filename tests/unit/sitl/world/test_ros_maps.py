@@ -16,6 +16,7 @@ from sitl.world.geometry.model import WorldModel
 from sitl.world.geometry.polylines import legs
 from sitl.world.loading import load_world
 from sitl.world.plan import samples, wall_surfaces
+from tests.examples import examples
 from tests.maps import CELL_M, FREE, UNKNOWN, WALL
 from tests.unit.sitl.world.room_files import (
     MAP,
@@ -61,7 +62,7 @@ def rooms(draw: st.DrawFn) -> Array:
     return np.array([(0, 0), (width, 0), (width, leg), (arm, leg), (arm, depth), (0, depth)])
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(rooms(), st.just(0.0) | st.floats(0, math.tau))
 def test_imported_walls_are_complete_and_accurate_to_about_a_cell(
     folder: Path, corners: Array, angle_rad: float
@@ -77,7 +78,7 @@ def test_imported_walls_are_complete_and_accurate_to_about_a_cell(
     assert len(found) <= 3 * len(truth)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.floats(0, math.pi), st.floats(0.1, 0.6))
 def test_a_slanted_wall_is_imported_without_stair_steps(
     folder: Path, angle_rad: float, thickness_m: float
@@ -97,7 +98,7 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
     assert (west, east) == pytest.approx((10 + 1 - WALL_M, 10 + 5 + WALL_M), abs=CELL_M)
 
 
-@settings(max_examples=10)
+@settings(max_examples=examples(10))
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))
 def test_the_origin_rotates_and_translates_the_map(
     folder: Path, x_m: float, y_m: float, yaw_rad: float

@@ -20,6 +20,7 @@ from sitl.world.format import Segment, World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
 from sitl.world.plan import observable_points, wall_surfaces
+from tests.examples import examples
 from tests.maps import CELL_M, FREE, UNKNOWN, WALL, Shades, cells, fill, nothing, room, write
 
 HEIGHT_M = 1.2
@@ -98,7 +99,7 @@ def test_the_edge_of_the_map_image_is_a_border(tmp_path: Path) -> None:
     assert range_m(world, (3.0, 3.0), 90) == pytest.approx(2.0, abs=CELL_M)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(
     st.floats(0, math.tau),
     st.lists(st.tuples(st.floats(0, 1), st.floats(0.05, 0.6)), min_size=1, max_size=5),
