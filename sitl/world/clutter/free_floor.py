@@ -115,11 +115,11 @@ class FreeFloor:
         return True
 
     def _away_m(self, world: World) -> Array:
-        """Distance from each place to the nearest surface at flight height, m."""
+        """Distance from each place to the nearest surface at flight height, m; infinite if far."""
         walls = np.array(standing(world, *FLIGHT_M), dtype=float).reshape(-1, 2, 2)
         if not len(walls):
             return np.full(self._places.shape[:2], np.inf)
-        distance_m, _ = NearestWall(walls).query(self._places.reshape(-1, 2))
+        distance_m, _ = NearestWall(walls).query(self._places.reshape(-1, 2), max(INSIDE_M, WAY_M))
         away_m: Array = distance_m.reshape(self._places.shape[:2])
         return away_m
 

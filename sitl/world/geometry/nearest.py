@@ -1,5 +1,6 @@
 """Finds the nearest of thousands of walls for thousands of points, without a table of all pairs."""
 
+import math
 from itertools import chain
 
 import numpy as np
@@ -31,19 +32,27 @@ class NearestWall:
         spacing_m = np.linalg.norm(self._along, axis=1) / count
         self._reach_m = float(spacing_m.max()) / 2 + ROUNDING_M
 
-    def query(self, points: Array) -> tuple[Array, Array]:
-        """Distance (n,) and closest point (n, 2) on any wall, for points (n, 2), m."""
+    def query(self, points: Array, within_m: float = math.inf) -> tuple[Array, Array]:
+        """Distance (n,) and closest point (n, 2) on any wall, for points (n, 2), m.
+
+        Distances above `within_m` may be infinite; these take no time.
+        """
+        distance_m, foot = np.full(len(points), math.inf), np.full((len(points), 2), math.nan)
         if not len(points):
-            return np.empty(0), np.empty((0, 2))
-        distance_m, sample = self._tree.query(points, k=SAMPLES_AT_FIRST)
-        reach_m = distance_m[:, 0] + self._reach_m
-        row, column = np.nonzero(distance_m <= reach_m[:, None])
-        crowded = np.flatnonzero(distance_m[:, -1] <= reach_m)
+            return distance_m, foot
+        bound_m = within_m + 2 * self._reach_m
+        sample_m, sample = self._tree.query(points, SAMPLES_AT_FIRST, distance_upper_bound=bound_m)
+        reach_m = sample_m[:, 0] + self._reach_m
+        is_near = np.isfinite(sample_m) & (sample_m <= reach_m[:, None])
+        row, column = np.nonzero(is_near)
+        crowded = np.flatnonzero(is_near[:, -1])
         near = self._tree.query_ball_point(points[crowded], reach_m[crowded])
         rows = [row, np.repeat(crowded, [len(samples) for samples in near])]
         samples = sample[row, column], np.fromiter(chain.from_iterable(near), dtype=np.int64)
-        wall = self._wall_of[np.concatenate(samples)]
-        return self._best(points, np.column_stack([np.concatenate(rows), wall]))
+        pairs = np.column_stack([np.concatenate(rows), self._wall_of[np.concatenate(samples)]])
+        found = np.unique(row)
+        distance_m[found], foot[found] = self._best(points, pairs)
+        return distance_m, foot
 
     def _best(self, points: Array, pairs: Indices) -> tuple[Array, Array]:
         """The nearest wall of each point among pairs (k, 2); the first one if two are as near."""

@@ -27,25 +27,22 @@ Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 
 
-def beam_range_m(origin_ne_m: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
-    """Range of a beam to the nearest segment, m."""
+def beam_range_m(origin_ne_m: Vector2, bearing_rad: float, segments: Array) -> float:
+    """Range of a beam to the nearest of segments (n, 4), m."""
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
-    nearest = math.inf
-    for (na, ea), (nb, eb) in segments:
-        dn, de = nb - na, eb - ea
-        cross = cos * de - sin * dn
-        if abs(cross) < 1e-9:
-            continue
-        along = ((na - origin_ne_m[0]) * de - (ea - origin_ne_m[1]) * dn) / cross
-        share = ((na - origin_ne_m[0]) * sin - (ea - origin_ne_m[1]) * cos) / cross
-        if along > 0 and 0 <= share <= 1:
-            nearest = min(nearest, along)
-    return nearest
+    from_n, from_e = segments[:, 0] - origin_ne_m[0], segments[:, 1] - origin_ne_m[1]
+    dn, de = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    cross = cos * de - sin * dn
+    cross[np.abs(cross) < 1e-9] = math.nan
+    along, share = (from_n * de - from_e * dn) / cross, (from_n * sin - from_e * cos) / cross
+    is_met = (along > 0) & (share >= 0) & (share <= 1)
+    return float(along[is_met].min(initial=math.inf))
 
 
 def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> FlightRecord:
     """Fly along a path at 1 m/s facing north, with one full turn at each of its points."""
     random, record, time_s = Random(seed), FlightRecord(), 0.0
+    ends = np.array(segments, dtype=float).reshape(-1, 4)
 
     def record_sweep(place: Vector2, yaw_rad: float) -> None:
         nonlocal time_s
@@ -53,7 +50,7 @@ def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> Flig
         pose = Pose(time_s, *place, -1.2, yaw_rad)
         record.advance(pose, place, yaw_rad)
         for beam, bearing_rad in BEARING_FRD_RAD.items():
-            true_m = beam_range_m(place, yaw_rad + bearing_rad, segments)
+            true_m = beam_range_m(place, yaw_rad + bearing_rad, ends)
             if not 1.0 < true_m < 5.5:
                 continue
             reading_m = true_m + random.gauss(0, GP2Y0A710K0F.sigma_m(true_m))
