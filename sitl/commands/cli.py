@@ -5,7 +5,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -44,9 +44,6 @@ from sitl.simulation.record import TruthRecord
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
-
-if TYPE_CHECKING:
-    from sitl.scoring.report import Report
 
 EXIT_NOT_COMPLETED = 1
 """Exit status of a mission that was not completed."""
@@ -297,7 +294,7 @@ def fly(
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
     missed = ""
-    rows: list[Report] = []
+    reported: dict[str, object] = {}
     if then and sorties == 1:
         raise SitlError("--then needs --sorties: the world changes between two flights")
     if sorties > 1:
@@ -305,10 +302,9 @@ def fly(
             raise SitlError("--sorties needs --transport direct, and a mission without events")
         from sitl.running.sorties import fly_survey  # noqa: PLC0415
 
-        result, rows, plan = fly_survey(
-            options, settings, sorties, then=then, out=out, console=console
-        )
-        outputs += [partial(save, plan, out)] if out else []
+        survey = fly_survey(options, settings, sorties, then=then, out=out, console=console)
+        result, reported = survey.joint, survey.as_json()
+        outputs += [partial(save, survey.merged.plan, out)] if out else []
     elif transport is Transport.UDP:
         result = fly_in_two(
             options, flown, settings, speed, out=out or Path("out"), console=console
@@ -320,7 +316,7 @@ def fly(
         outputs += [partial(save, plan, out)] if out else []
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
-        outputs.append(partial(save_report, {**result, "sorties": rows} if rows else result, path))
+        outputs.append(partial(save_report, reported or result, path))
     each_by_itself(outputs)
     if missed:
         raise SitlError(f"{mission}: the flight ended before these events: {missed}")

@@ -10,7 +10,7 @@ stands some centimetres and degrees off the pad.
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +20,6 @@ from rich.table import Table
 from companion.app import App, Progress
 from companion.config.settings import Config
 from companion.core.errors import SurveyError
-from companion.core.messages import FloorPlan
 from companion.earlier import EarlierFlights
 from companion.recording.recorder import NOT_RECORDED, FlightRecorder, Recorder, open_recorder
 from companion.run.console import ProgressLine
@@ -54,6 +53,22 @@ _ROWS = (
 
 
 @dataclass(frozen=True, slots=True)
+class SurveyResult:
+    """A survey as `sitl fly` reports it."""
+
+    joint: Report
+    """Scores of the joint map."""
+    rows: list[Report]
+    """Each flight's own results."""
+    merged: Merged
+
+    def as_json(self) -> dict[str, object]:
+        """The scores, with the rows as `sorties` and what has changed between flights."""
+        changes = [asdict(change) for change in self.merged.changes]
+        return {**self.joint, "sorties": self.rows, "changes": changes}
+
+
+@dataclass(frozen=True, slots=True)
 class Sortie:
     """One flight of a survey, and the joint map after it."""
 
@@ -72,8 +87,8 @@ def fly_survey(
     then: str | None,
     out: Path | None,
     console: Console,
-) -> tuple[Report, list[Report], FloorPlan]:
-    """Fly a survey for `sitl fly`; return the scores of the joint map, a row a flight, and the map.
+) -> SurveyResult:
+    """Fly a survey for `sitl fly`.
 
     The recordings are written to `out`, which is then a survey's folder. The map is not. `then`:
     the world from the second flight on.
@@ -98,7 +113,7 @@ def fly_survey(
     for change in sortie.merged.changes:
         found_by = sortie.merged.flights[change.flight].name
         console.print(change.in_words(found_by), soft_wrap=True)
-    return sortie.joint, rows, sortie.merged.plan
+    return SurveyResult(sortie.joint, rows, sortie.merged)
 
 
 class Sorties:

@@ -63,6 +63,7 @@ def test_a_later_flight_flies_what_the_earlier_ones_left(flown: Path) -> None:
     assert sorties[-1]["completed"]
     assert sorties[-1]["coverage"] > 0.95
     assert report["collisions"] == 0
+    assert report["changes"] == []
     assert report["wall_error_aligned_cm"] < 4
     assert report["flight_time_s"] == pytest.approx(sum(row["flight_time_s"] for row in sorties))
     for row in sorties:
