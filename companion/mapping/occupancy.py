@@ -222,7 +222,7 @@ class Occupancy:
 
     def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Array, Array]:
         """Occupied cells within about this distance: middles (n, 2) and last hits' times (n,)."""
-        window = self._window(place_ne_m, within_m)
+        window = self._around(place_ne_m, within_m)
         cells = np.nonzero(self._layers.log_odds[window] > OCCUPIED_ABOVE)
         return self._middles(cells, window), self._layers.met_s[window][cells]
 
@@ -251,18 +251,18 @@ class Occupancy:
 
         Cells within `flown_m` of the flight path are excluded.
         """
-        window = self._window(place_ne_m, within_m)
+        window = self._around(place_ne_m, within_m)
         met_s = self._layers.met_s[window]
         is_before = (self._layers.log_odds[window] > OCCUPIED_ABOVE) & (met_s < time_s)
         before = self._middles(np.nonzero(is_before & (met_s != 0)), window)
         if not len(before):
             return before
-        around = self._window(place_ne_m, within_m + flown_m)
-        flown = self._middles(np.nonzero(self._layers.flown[around]), around)
+        wider = self._around(place_ne_m, within_m + flown_m)
+        flown = self._middles(np.nonzero(self._layers.flown[wider]), wider)
         unflown: Array = before[to_nearest_m(before, flown) > flown_m]
         return unflown
 
-    def _window(self, place_ne_m: Vector2, within_m: float) -> tuple[slice, slice]:
+    def _around(self, place_ne_m: Vector2, within_m: float) -> tuple[slice, slice]:
         """Rows and columns within about this distance."""
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)

@@ -160,10 +160,11 @@ class HeadingFilter:
         before = self._values[_YAW]
         f[_YAW, _BIAS] = -duration_s
         f[_YAW, _SCALE] = -turned_rad
-        self._x[_YAW] += turned_rad
         q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s + variance_rad2
         q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
-        self._set(*predicted(self._x, self._p, f, q))
+        turned = self._x.copy()
+        turned[_YAW] += turned_rad
+        self._set(*predicted(turned, self._p, f, q))
         return self._values[_YAW] - before, turned_rad
 
     def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float, float]:

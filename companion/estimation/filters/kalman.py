@@ -32,6 +32,5 @@ def corrected(
     ph = np.dot(p, h)
     k = ph * (1 / (np.dot(h, ph) + variance))
     rest = np.eye(len(x)) - np.outer(k, h)
-    return x + k * (measured - np.dot(h, x)), np.dot(np.dot(rest, p), rest.T) + np.outer(
-        k * variance, k
-    )
+    corrected_p: Array = np.dot(np.dot(rest, p), rest.T) + np.outer(k * variance, k)
+    return x + k * (measured - np.dot(h, x)), corrected_p
