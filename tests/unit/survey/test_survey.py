@@ -16,6 +16,8 @@ from companion.recording.reader import read
 from companion.recording.replay import is_same_map, replay
 from companion.survey.folder import Survey
 from companion.survey.solved import kept_at, kept_or_solved
+from sitl.testing import Sitl
+from tests.worlds import SMALL_ROOM
 
 pytestmark = pytest.mark.flights
 
@@ -131,9 +133,10 @@ def test_what_the_next_flight_knows_is_kept_until_a_flight_is_added_or_removed(
     assert "is made again" in told[0]
 
 
-def test_a_flight_is_solved_once(flown: Path, tmp_path: Path) -> None:
+def test_a_flight_is_solved_once(tmp_path: Path) -> None:
     """A damaged or outdated file is replaced."""
-    file = Path(shutil.copy(min(flown.glob("*.mcap")), tmp_path))
+    Sitl(tmp_path).fly(SMALL_ROOM, record=tmp_path)
+    (file,) = tmp_path.glob("*.mcap")
     recording = read(file)
     first = kept_or_solved(recording, tmp_path)
     kept = kept_at(file, tmp_path)
