@@ -32,7 +32,7 @@ test: setup
 	@$(VENV)/bin/pytest
 
 test-fast: setup
-	@$(VENV)/bin/pytest --dist worksteal --hypothesis-profile fast -m "unit or contract" tests/unit tests/contract
+	@$(VENV)/bin/pytest --hypothesis-profile fast -m "unit or contract" tests/unit tests/contract
 
 check: setup
 	@$(VENV)/bin/ruff check

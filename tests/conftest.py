@@ -6,7 +6,6 @@ the examples.
 
 A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
 marker in any folder. Those files run first, so that no worker is left alone with one at the end.
-A file runs in one worker, so that a flight of a fixture is flown once.
 """
 
 from pathlib import Path

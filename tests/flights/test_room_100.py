@@ -30,34 +30,27 @@ def test_the_drone_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, see
     assert abs(flight.simulation.autopilot.truth.position_ned_m[2]) < 0.05
 
 
-@pytest.mark.parametrize(("world", "area_m2"), [("room_200", 200), ("room_300", 300)])
-def test_larger_rooms_are_mapped(sitl: Sitl, world: str, area_m2: float) -> None:
-    flight = sitl.fly(world, profile="paper")
+@pytest.mark.parametrize(
+    ("world", "seed", "area_m2"), [("room_200", 3, 200), ("room_300", 15, 300)]
+)
+def test_larger_rooms_are_mapped(sitl: Sitl, world: str, seed: int, area_m2: float) -> None:
+    """With these seeds maps were once wrong.
+
+    The map of `room_200` rotated by 16° in flight, because a low gyro scale was corrected: the
+    drone flew askew into a false dead end. After two rounds the map of `room_300` was 0.2 m too
+    short over 20 m.
+    """
+    flight = sitl.fly(world, seed=seed)
     assert flight.completed, flight.ending
-    assert flight.report.wall_error_aligned_cm <= 15
+    assert flight.report.coverage >= 0.95
+    assert flight.report.wall_error_aligned_cm < 9
     assert areas_m2(flight) == pytest.approx([area_m2], rel=0.02)
-
-
-def test_the_drone_turns_with_the_wall_when_a_low_gyro_scale_is_corrected(sitl: Sitl) -> None:
-    """The map once rotated by 16° in flight; the drone flew askew into a false dead end."""
-    flight = sitl.fly("room_200", seed=3)
-    assert flight.completed, flight.ending
-    assert flight.report.wall_error_aligned_cm <= 15
-    assert areas_m2(flight) == pytest.approx([200], rel=0.02)
     assert flight.report.return_m < 0.3
 
 
 def areas_m2(flight: Flight) -> list[float]:
     """Areas of the rooms in the flight's map."""
     return [room.area_m2 for room in survey(flight.plan).rooms]
-
-
-def test_further_rounds_correct_the_length_of_a_large_room(sitl: Sitl) -> None:
-    """After two rounds the map of the room was 0.2 m too short over 20 m."""
-    flight = sitl.fly("room_300", seed=15)
-    assert flight.completed, flight.ending
-    assert flight.report.coverage >= 0.95
-    assert flight.report.wall_error_aligned_cm < 9
 
 
 def test_the_same_seed_gives_the_same_flight_over_every_transport(sitl: Sitl) -> None:
