@@ -21,14 +21,15 @@ settings.load_profile("same")
 HERE = Path(__file__).parent
 
 
-SLOW = ("flights", "processes")
-"""Markers of tests that fly or start programs."""
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         layer = item.path.relative_to(HERE).parts[0] if HERE in item.path.parents else "flights"
-        if not (layer == "unit" and any(map(item.get_closest_marker, SLOW))):
+        if not (layer == "unit" and flies_or_starts(item)):
             item.add_marker(layer)
-    slow = {item.path for item in items if any(map(item.get_closest_marker, SLOW))}
+    slow = {item.path for item in items if flies_or_starts(item)}
     items.sort(key=lambda item: item.path not in slow)
+
+
+def flies_or_starts(item: pytest.Item) -> bool:
+    """True for a test that flies or starts a program."""
+    return any(map(item.get_closest_marker, ("flights", "processes")))

@@ -3,7 +3,7 @@
 from hypothesis import settings
 
 MIN_EXAMPLES = 3
-"""Fewest examples of a property. Chosen."""
+"""Minimum number of examples of a property. Chosen."""
 
 
 def examples(number: int) -> int:

@@ -35,7 +35,7 @@ class NearestWall:
     def query(self, points: Array, within_m: float = math.inf) -> tuple[Array, Array]:
         """Distance (n,) and closest point (n, 2) on any wall, for points (n, 2), m.
 
-        Distances above `within_m` may be infinite; these take no time.
+        A distance above `within_m` may be infinite. Then the closest point is NaN.
         """
         distance_m, foot = np.full(len(points), math.inf), np.full((len(points), 2), math.nan)
         if not len(points):
