@@ -11,6 +11,7 @@ import socket
 import struct
 import time
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -18,14 +19,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.errors import LinkError
 from companion.link.signing import Signing, SigningCodec
+from companion.link.transports.peers import Address, Peers
 
 URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
 """Format of a UDP link URL."""
-TAKEOVER_S = 1.5
-"""Silence of the peer before another sender replaces it, s.
-
-Chosen: more than the 1 s between two heartbeats of a peer that sends nothing else.
-"""
 Message = Any
 """A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
 
@@ -105,11 +102,7 @@ class UdpTransport:
     "udpin:HOST:PORT" waits for a peer; "udpout:HOST:PORT" sends first. With udpin, port 0 selects
     a free port.
 
-    A link has one peer: the configured address, or the first that sends a MAVLink message. Messages
-    from other addresses are dropped; otherwise any program that knows the port could control the
-    vehicle. Another sender becomes the peer only after the peer was silent for `TAKEOVER_S` while
-    others sent. A restarted companion, or an application on a new port, is therefore accepted at
-    its third heartbeat. This prevents accidents, not attacks: an attacker can forge the address.
+    Only messages of the link's peer are accepted; see `peers`.
 
     Raises:
         LinkError: the address cannot be used.
@@ -125,21 +118,16 @@ class UdpTransport:
         self._codec = make_codec(system_id, component_id, signing)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self._peer: tuple[str, int] | None = None
-        self._others_since_s: float | None = None
-        """Time since which only other senders were received, not the peer; else None."""
         self._waiting: list[Message] = []
-        self.datagrams_sent = 0
-        self.datagrams_received = 0
-        """Both count since the current peer was set."""
         self.messages_dropped = 0
         """Messages that the kernel had no buffer or no route for."""
         try:
             if kind == "udpin":
                 self._socket.bind((host, int(port)))
+                self._peers = Peers(None)
             else:
                 self._socket.bind(("", 0))
-                self._peer = (socket.gethostbyname(host), int(port))
+                self._peers = Peers((socket.gethostbyname(host), int(port)))
         except (OSError, OverflowError) as error:
             self._socket.close()
             remedy = "is another program using it? choose another port"
@@ -158,7 +146,18 @@ class UdpTransport:
 
     @property
     def peer_port(self) -> int | None:
-        return self._peer[1] if self._peer else None
+        peer = self._peers.peer
+        return peer.address[1] if peer else None
+
+    @property
+    def datagrams_sent(self) -> int:
+        """Number of datagrams sent to the peer."""
+        return self._peers.peer.datagrams_sent if self._peers.peer else 0
+
+    @property
+    def datagrams_received(self) -> int:
+        """Number of datagrams received from the peer."""
+        return self._peers.peer.datagrams_received if self._peers.peer else 0
 
     def receive(self) -> list[Message]:
         self._drain()
@@ -166,6 +165,17 @@ class UdpTransport:
         return waiting
 
     def _drain(self) -> None:
+        """Receive all that has arrived; the peer may stand behind others in the queue."""
+        arrived = [(sender, decode(self._codec, data)) for sender, data in self._datagrams()]
+        heard = [(sender, messages) for sender, messages in arrived if messages]
+        self._peers.hear([sender for sender, _ in heard], time.monotonic())
+        peer = self._peers.peer
+        for sender, messages in heard:
+            if peer and sender == peer.address:
+                peer.datagrams_received += 1
+                self._waiting += messages
+
+    def _datagrams(self) -> Iterator[tuple[Address, bytes]]:
         while True:
             try:
                 data, sender = self._socket.recvfrom(65535)
@@ -175,26 +185,7 @@ class UdpTransport:
                 if error.errno == errno.ECONNREFUSED:  # no receiver yet: ICMP of an earlier send
                     continue
                 return
-            messages = decode(self._codec, data)
-            if not messages or not self._is_peer(sender):
-                continue
-            self.datagrams_received += 1
-            self._waiting += messages
-
-    def _is_peer(self, sender: tuple[str, int]) -> bool:
-        """True if the sender of a message is the peer, or becomes it now."""
-        if sender == self._peer:
-            self._others_since_s = None
-            return True
-        if self._peer is not None:
-            now_s = time.monotonic()
-            if self._others_since_s is None:
-                self._others_since_s = now_s
-            if now_s - self._others_since_s < TAKEOVER_S:
-                return False
-        self._peer, self._others_since_s = sender, None
-        self.datagrams_sent = self.datagrams_received = 0
-        return True
+            yield sender, data
 
     def await_datagrams(self, total: int, timeout_s: float) -> None:
         """Wait until `total` datagrams have been received in all, at most `timeout_s`."""
@@ -203,19 +194,21 @@ class UdpTransport:
         while self.datagrams_received < total:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0 or not select.select([self._socket], [], [], left_s)[0]:
-                self.datagrams_received = total
+                if self._peers.peer:
+                    self._peers.peer.datagrams_received = total
                 return
             self._drain()
 
     def send(self, message: Message) -> None:
-        if self._peer is None:
+        peer = self._peers.peer
+        if peer is None:
             return
         try:
-            self._socket.sendto(frame(self._codec, message), self._peer)
+            self._socket.sendto(frame(self._codec, message), peer.address)
         except OSError:
             self.messages_dropped += 1
             return
-        self.datagrams_sent += 1
+        peer.datagrams_sent += 1
 
     def close(self) -> None:
         self._socket.close()

@@ -131,6 +131,41 @@ def test_a_new_sender_becomes_the_peer_while_the_peer_is_silent(
     restarted.close()
 
 
+def test_an_earlier_peer_that_sends_again_replaces_a_later_one(
+    udp_pair: UdpPair, now_s: list[float]
+) -> None:
+    autopilot, companion = udp_pair
+    assert exchange(companion, autopilot)
+    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
+    for _ in range(5):
+        exchange(stranger, autopilot)
+        now_s[0] += 1.0
+    assert autopilot.peer_port == stranger.local_port
+    assert exchange(companion, autopilot)
+    assert not exchange(stranger, autopilot)
+    assert autopilot.peer_port == companion.local_port
+    assert autopilot.datagrams_received == 2
+    stranger.close()
+
+
+def test_a_peer_behind_strangers_in_the_queue_is_heard_after_a_long_pause(
+    udp_pair: UdpPair, now_s: list[float]
+) -> None:
+    """A process that pauses for seconds finds the strangers' messages first."""
+    autopilot, companion = udp_pair
+    assert exchange(companion, autopilot)
+    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
+    assert not exchange(stranger, autopilot)
+    now_s[0] += 10.0
+    stranger.send(heartbeat())
+    companion.send(heartbeat())
+    autopilot.await_datagrams(2, 2.0)
+    (accepted,) = autopilot.receive()
+    assert accepted.get_srcComponent() == 191
+    assert autopilot.peer_port == companion.local_port
+    stranger.close()
+
+
 def test_a_closed_peer_causes_no_error(udp_pair: UdpPair) -> None:
     autopilot, companion = udp_pair
     autopilot.close()
