@@ -13,7 +13,8 @@ from pathlib import Path
 
 PAUSE = threading.Event()
 """Event that is never set: a wait for it is a pause."""
-END_TIMEOUT_S = 20
+DEADLINE_S = 120
+"""Time after which a process that hangs fails its test, s. Chosen: far more than any needs."""
 
 
 def sitl(*arguments: str) -> list[str]:
@@ -46,7 +47,7 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
         yield process
     finally:
         process.kill()
-        process.communicate(timeout=END_TIMEOUT_S)
+        process.communicate(timeout=DEADLINE_S)
 
 
 @contextmanager
@@ -72,7 +73,7 @@ def vehicle_at(port: int, firmware: str) -> Iterator[None]:
 def stop(process: subprocess.Popen[str]) -> str:
     """Interrupt as Ctrl-C does; return the remaining output."""
     process.send_signal(signal.SIGINT)
-    output, _ = process.communicate(timeout=END_TIMEOUT_S)
+    output, _ = process.communicate(timeout=DEADLINE_S)
     return output
 
 

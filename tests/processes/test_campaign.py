@@ -3,12 +3,11 @@
 import json
 import subprocess
 
-from tests.processes.started import sitl
+from tests.processes.started import DEADLINE_S, sitl
 from tests.worlds import SMALL_ROOM
 
 SEEDS = 40
 MISSIONS = ("missions", "--worlds", SMALL_ROOM, "--seeds", str(SEEDS))
-ENDS_WITHIN_S = 120
 
 
 def test_an_interrupted_campaign_reports_its_finished_flights() -> None:
@@ -18,7 +17,7 @@ def test_an_interrupted_campaign_reports_its_finished_flights() -> None:
         assert flying.stderr is not None
         assert flying.stderr.readline().startswith("1 of ")
         flying.terminate()
-        output, _ = flying.communicate(timeout=ENDS_WITHIN_S)
+        output, _ = flying.communicate(timeout=DEADLINE_S)
     finally:
         flying.kill()
     assert 0 < len(json.loads(output)["rows"]) < SEEDS

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from companion.recording.reader import read
 from companion.run.unattended import EXIT_ENDED
-from tests.processes.started import companion, flying, read_until, running_sitl
+from tests.processes.started import DEADLINE_S, companion, flying, read_until, running_sitl
 from tests.worlds import SMALL_ROOM
 
-DEADLINE_S = 120
 LARGEST_FILE = 400_000
 """File size limit, bytes: half a minute of recording, and any map."""
 

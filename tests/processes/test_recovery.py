@@ -22,10 +22,17 @@ from companion.link.transports.transport import pipe_pair
 from companion.recording.reader import read
 from companion.run.clocks import SystemClock
 from companion.run.unattended import EXIT_ENDED
-from tests.processes.started import companion, free_udp_port, read_until, sitl, started, stop
+from tests.processes.started import (
+    DEADLINE_S,
+    companion,
+    free_udp_port,
+    read_until,
+    sitl,
+    started,
+    stop,
+)
 from tests.worlds import SMALL_ROOM
 
-DEADLINE_S = 120
 WATCHDOG_S = 2.0
 
 Pilot = subprocess.Popen[str]

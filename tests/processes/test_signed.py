@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.started import companion, running_sitl, sitl
+from tests.processes.started import DEADLINE_S, companion, running_sitl, sitl
 from tests.worlds import SMALL_ROOM
-
-DEADLINE_S = 120
 
 
 @pytest.fixture

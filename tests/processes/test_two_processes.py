@@ -15,10 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import UdpTransport
 from companion.run.unattended import EXIT_ENDED
-from tests.processes.started import companion, flying, read_until, running_sitl, sitl
+from tests.processes.started import DEADLINE_S, companion, flying, read_until, running_sitl, sitl
 from tests.worlds import SMALL_ROOM
-
-DEADLINE_S = 120
 
 
 def ask(mavlink_port: str, message: Any, system_id: int) -> float:
@@ -62,7 +60,7 @@ def test_the_companion_reports_a_killed_sitl_and_keeps_the_map(tmp_path: Path) -
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "scanning parallel to the wall")
         process.kill()
-        output, _ = pilot.communicate(timeout=60)
+        output, _ = pilot.communicate(timeout=DEADLINE_S)
     assert pilot.returncode == 1
     assert "clock is gone" in output
     assert "no message for 10 s" in re.sub(r"[\s│]+", " ", output)
@@ -87,7 +85,7 @@ def test_the_companion_lands_on_sigterm(tmp_path: Path) -> None:
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "scanning parallel to the wall")
         pilot.send_signal(signal.SIGTERM)
-        output, _ = pilot.communicate(timeout=60)
+        output, _ = pilot.communicate(timeout=DEADLINE_S)
     assert pilot.returncode == EXIT_ENDED
     assert "landing was requested" in output
     assert (tmp_path / "map.json").exists()
@@ -99,7 +97,7 @@ def test_a_missing_sitl_is_reported_with_the_command_to_start_within_10_s(tmp_pa
         companion("fly", "--bus", "sitl://127.0.0.1:1", "--link", "udpout:127.0.0.1:1"),
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=DEADLINE_S,
         check=False,
         cwd=tmp_path,
     )
@@ -113,7 +111,7 @@ def test_a_missing_sitl_is_reported_with_the_command_to_start_within_10_s(tmp_pa
 def test_a_missing_autopilot_is_reported_with_its_address(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (_, _, bus_port):
         silent = flying("1", bus_port, tmp_path)
-        output, _ = silent.communicate(timeout=30)
+        output, _ = silent.communicate(timeout=DEADLINE_S)
     assert silent.returncode == 1
     assert "no HEARTBEAT from an autopilot" in output
     assert "udpout:127.0.0.1:1" in output
@@ -140,7 +138,7 @@ def test_invalid_arguments_give_a_one_line_error(
     arguments: tuple[str, ...], words: list[str]
 ) -> None:
     result = subprocess.run(
-        sitl(*arguments), capture_output=True, text=True, timeout=30, check=False
+        sitl(*arguments), capture_output=True, text=True, timeout=DEADLINE_S, check=False
     )
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
@@ -153,7 +151,7 @@ def test_a_port_in_use_is_reported() -> None:
             sitl("run", "room_100", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", bus_port),
             capture_output=True,
             text=True,
-            timeout=30,
+            timeout=DEADLINE_S,
             check=False,
         )
     assert second.returncode == 2
@@ -170,6 +168,10 @@ def test_the_companion_imports_nothing_of_sitl(tmp_path: Path) -> None:
         "sys.exit(str(found) if found else 0)\n"
     )
     result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=DEADLINE_S,
     )
     assert result.returncode == 0, result.stderr

@@ -11,11 +11,18 @@ import pytest
 
 from sitl.testing.fuzz import bus_request, foreign_frame
 from tests.processes.scoring import assert_good
-from tests.processes.started import companion, free_udp_port, read_until, sitl, started, stop
+from tests.processes.started import (
+    DEADLINE_S,
+    companion,
+    free_udp_port,
+    read_until,
+    sitl,
+    started,
+    stop,
+)
 from tests.worlds import SMALL_ROOM
 
 MIN_FRAMES, MIN_CONNECTIONS = 2000, 100
-DEADLINE_S = 120
 
 
 class Strangers:

@@ -76,8 +76,6 @@ class Alternative:
     """Gates of the association of all hits that follows."""
     saved: float
     """χ² that it saves, or that the association of all hits may save."""
-    relief: float
-    """χ² of odometry and gyro that it saves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +134,9 @@ class HypothesisSearch:
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
             flights = self._flights(estimate)
             alternatives = (self._bridged(suspect, flights) for suspect in stretches.values())
-            likelier = yield from self._likelier(alternatives, estimate, MIN_RELIEF)
+            likelier = yield from self._likelier(alternatives, estimate)
             if likelier is None:
-                tried |= stretches.keys()
+                tried.update(stretches)
                 break
             estimate = likelier
             tried.clear()
@@ -170,17 +168,13 @@ class HypothesisSearch:
 
     def _likelier(
         self,
-        alternatives: Iterable[Generator[None, None, Alternative]],
+        alternatives: Iterable[Generator[None, None, Alternative | None]],
         estimate: Estimate,
-        min_relief: float = -math.inf,
     ) -> Generator[None, None, Estimate | None]:
-        """The first alternative with a lower χ²; None if there is none.
-
-        `min_relief`: least χ² of odometry and gyro that it saves.
-        """
+        """The first alternative with a lower χ²; None if there is none."""
         for work in alternatives:
             alternative = yield from work
-            if alternative.saved <= 0 or alternative.relief < min_relief:
+            if alternative is None or alternative.saved <= 0:
                 continue
             again = yield from self.smoother.smoothing(
                 alternative.x, self.m, self.prior, alternative.gates
@@ -189,9 +183,9 @@ class HypothesisSearch:
                 return again
         return None
 
-    def _strain(self, estimate: Estimate) -> float:
+    def _strain(self, x: Unknowns) -> float:
         """χ² of odometry and gyro."""
-        return self.smoother.motion(estimate.x, self.m).squares
+        return self.smoother.motion(x, self.m).squares
 
     def _cost(self, estimate: Estimate) -> float:
         return cost(self.smoother, estimate, self.m, self.prior)
@@ -207,20 +201,23 @@ class HypothesisSearch:
         self, joint: Estimate, flight: OneFlight, alone: Estimate, gates: Sequence[Gate]
     ) -> Alternative:
         """An alternative of one flight."""
-        one = self._of(flight)
-        return Alternative(
-            flight.put_into(joint.x, alone.x),
-            gates,
-            flight.cost - one._cost(alone),
-            flight.strain - one._strain(alone),
-        )
+        saved = flight.cost - self._of(flight)._cost(alone)
+        return Alternative(flight.put_into(joint.x, alone.x), gates, saved)
 
-    def _bridged(self, suspect: Mask, flights: Flights) -> Generator[None, None, Alternative]:
-        """Odometry bridges the masked keyframes (k,); then their hits are associated again."""
+    def _bridged(
+        self, suspect: Mask, flights: Flights
+    ) -> Generator[None, None, Alternative | None]:
+        """Odometry bridges the masked keyframes (k,); then their hits are associated again.
+
+        Returns None if that does not relieve odometry and gyro by `MIN_RELIEF`.
+        """
         flight = flights.with_frames(suspect)
         one, own = self._of(flight), suspect[flight.frames]
         x, wall_of = yield from one._released(own, flight.estimate)
-        alone = yield from one._reassociated(x, wall_of, own)
+        max_strain = flight.strain - MIN_RELIEF
+        alone = yield from one._reassociated(x, wall_of, own, max_strain)
+        if alone is None:
+            return None
         return self._weighed(flights.estimate, flight, alone, BRIDGED_GATES)
 
     def _released(
@@ -237,7 +234,7 @@ class HypothesisSearch:
             self.smoother.step(x, self.m, wall_of, self.prior)
             yield
 
-    def _shifted(self, shift: Shift, flights: Flights) -> Generator[None, None, Alternative]:
+    def _shifted(self, shift: Shift, flights: Flights) -> Generator[None, None, Alternative | None]:
         """A stretch is shifted; then its hits are associated again."""
         suspect = (self.m.time_s >= shift.begin_s) & (self.m.time_s < shift.end_s)
         flight = flights.with_frames(suspect)
@@ -245,6 +242,8 @@ class HypothesisSearch:
         alone = yield from self._of(flight)._reassociated(
             x, flight.estimate.wall_of, suspect[flight.frames]
         )
+        if alone is None:
+            return None
         return self._weighed(flights.estimate, flight, alone, BRIDGED_GATES)
 
     def _split(self, hits: Indices, flights: Flights) -> Generator[None, None, Alternative]:
@@ -260,9 +259,13 @@ class HypothesisSearch:
         return replace(alternative, saved=alternative.saved + WALL_COST)
 
     def _reassociated(
-        self, x: Unknowns, wall_of: Indices, suspect: Mask
-    ) -> Generator[None, None, Estimate]:
-        """Associate the hits of the masked keyframes (k,) again; others keep their walls."""
+        self, x: Unknowns, wall_of: Indices, suspect: Mask, max_strain: float = math.inf
+    ) -> Generator[None, None, Estimate | None]:
+        """Associate the hits of the masked keyframes (k,) again; others keep their walls.
+
+        Returns None as soon as χ² of odometry and gyro exceeds `max_strain`: each round finds walls
+        for more hits, and strains them more.
+        """
         hits = suspect[self.m.frame]
         part, wall_of = self.m.with_hits(hits), wall_of.copy()
         for gate in BRIDGED_GATES:
@@ -272,6 +275,8 @@ class HypothesisSearch:
             wall_of = x.keep_walls(used, wall_of)
             solution = self.smoother.step(x, self.m, wall_of, self.prior)
             yield
+            if self._strain(x) > max_strain:
+                return None
         return Estimate(x, wall_of, solution)
 
 
