@@ -29,44 +29,52 @@ boxes = [{ corner = [3.2, 1.7], size = [0.2, 0.2], top_m = 2.6 }]
 """
 
 
-def along_a_wall(action: Action) -> Event:
-    """Event at the first flight along a wall, at speed."""
+def after_corners(
+    corners: int, action: Action, activity: str = "scanning", min_speed_m_s: float = 0.0
+) -> Event:
+    """Event in this activity after that many corners, from that speed."""
+    activities: list[str] = []
 
     def is_due(simulation: Simulation, app: App) -> bool:
+        if not activities or activities[-1] != app.flight.activity:
+            activities.append(app.flight.activity)
+        turned = sum("corner" in earlier for earlier in activities[:-1])
         north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
-        return "scanning" in app.flight.activity and math.hypot(north_m_s, east_m_s) > 0.4
+        is_fast = math.hypot(north_m_s, east_m_s) >= min_speed_m_s
+        return turned >= corners and is_fast and activity in app.flight.activity
 
     return Event(is_due, action)
 
 
 @pytest.mark.parametrize(
-    ("forward_m", "right_m", "profile"),
-    [(0.6, 0.0, "gp2y0a710k0f"), (0.0, -0.5, "gp2y0a710k0f"), (0.6, 0.0, "vl53l1x")],
+    ("offsets_frd_m", "profile"),
+    [([(0.0, -0.5), (0.6, 0.0)], "gp2y0a710k0f"), ([(0.6, 0.0)], "vl53l1x")],
 )
 def test_the_drone_keeps_clear_of_a_person_below_the_minimum_range(
-    sitl: Sitl, small: str, forward_m: float, right_m: float, profile: str
+    sitl: Sitl, small: str, offsets_frd_m: list[tuple[float, float]], profile: str
 ) -> None:
-    comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
-    flight = sitl.fly(small, script=[comes], profile=profile)
+    flight = sitl.fly(small, script=persons(offsets_frd_m), profile=profile)
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
 
 
-@pytest.mark.parametrize(("forward_m", "right_m"), [(0.9, 0.0), (0.0, 1.2)])
-def test_the_drone_stops_before_a_person_who_steps_into_its_way(
-    sitl: Sitl, small: str, forward_m: float, right_m: float
-) -> None:
-    comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
-    flight = sitl.fly(small, script=[comes])
+def test_the_drone_stops_before_a_person_who_steps_into_its_way(sitl: Sitl, small: str) -> None:
+    flight = sitl.fly(small, script=persons([(0.9, 0.0), (0.0, 1.2)]))
     assert flight.completed, flight.ending
     assert flight.truth.clearance_m > 0.3
 
 
-@pytest.mark.parametrize(("north_m_s", "east_m_s"), [(-0.5, 0.0), (0.0, -0.5)])
-def test_a_gust_towards_a_wall_causes_no_collision(
-    sitl: Sitl, small: str, north_m_s: float, east_m_s: float
-) -> None:
-    flight = sitl.fly(small, script=[at(20, gust(north_m_s, east_m_s, for_s=3))])
+def persons(offsets_frd_m: list[tuple[float, float]]) -> list[Event]:
+    """A person along each of the first walls, forward and right of the drone, m."""
+    return [
+        after_corners(wall, somebody_near(forward_m, right_m, for_s=8), min_speed_m_s=0.4)
+        for wall, (forward_m, right_m) in enumerate(offsets_frd_m)
+    ]
+
+
+def test_gusts_towards_walls_cause_no_collision(sitl: Sitl, small: str) -> None:
+    gusts = [at(20, gust(-0.5, 0.0, for_s=3)), at(35, gust(0.0, -0.5, for_s=3))]
+    flight = sitl.fly(small, script=gusts)
     assert flight.completed, flight.ending
     assert flight.truth.clearance_m > 0.1
 
@@ -160,15 +168,14 @@ def test_starved_flights_are_identical_over_every_transport(sitl: Sitl, small: s
     assert path("direct") == path("bytes")
 
 
-@pytest.mark.parametrize("begins_s", [6.0, 20.0])
-@pytest.mark.parametrize("pull_deg", [-14.0, 3.0])
+@pytest.mark.parametrize(("slow_at_s", "at_once_at_s"), [(6.0, 20.0), (20.0, 6.0)])
 def test_a_heading_correction_of_the_autopilot_is_not_a_gyro_fault(
-    sitl: Sitl, small: str, begins_s: float, pull_deg: float
+    sitl: Sitl, small: str, slow_at_s: float, at_once_at_s: float
 ) -> None:
-    """The heading shifts by 14° in 3 s, as PX4's at take-off, or by 3° at once, as ArduPilot's."""
+    """The heading shifts by 14° in 3 s, as PX4's at take-off, and by 3° at once, as ArduPilot's."""
     recorded: list[str] = []
-    steps = 60 if pull_deg < 0 else 1
-    pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]
+    slow = [at(slow_at_s + 0.05 * i, jump_odometry(yaw_deg=-14 / 60)) for i in range(60)]
+    pulls = [*slow, at(at_once_at_s, jump_odometry(yaw_deg=3))]
     flight = sitl.fly(small, script=[*pulls, troubles(recorded)])
     assert flight.completed, flight.ending
     assert not recorded
@@ -177,13 +184,18 @@ def test_a_heading_correction_of_the_autopilot_is_not_a_gyro_fault(
 
 @pytest.mark.parametrize(
     ("in_line_s", "in_turn_s"),
-    [(-1.9, 0.2), (-1.0, 3.0), (-0.5, -1.9), (-0.2, -1.0), (0.2, -0.5), (3.0, -0.2)],
+    [((-1.9, -1.0, -0.5), (0.2, 3.0, -1.9)), ((-0.2, 0.2, 3.0), (-1.0, -0.5, -0.2))],
 )
 def test_a_step_of_the_autopilots_clock_is_not_a_fault(
-    sitl: Sitl, small: str, in_line_s: float, in_turn_s: float
+    sitl: Sitl, small: str, in_line_s: tuple[float, ...], in_turn_s: tuple[float, ...]
 ) -> None:
+    """The clock steps along each of three walls, and in each corner after them."""
     recorded: list[str] = []
-    jumps = [when("scanning", jump_clock(in_line_s)), when("corner", jump_clock(in_turn_s))]
+    jumps = [
+        after_corners(wall, jump_clock(step_s), activity)
+        for activity, steps_s in (("scanning", in_line_s), ("corner", in_turn_s))
+        for wall, step_s in enumerate(steps_s)
+    ]
     flight = sitl.fly(small, script=[*jumps, troubles(recorded)])
     assert flight.completed, flight.ending
     assert not recorded
