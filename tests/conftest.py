@@ -6,6 +6,9 @@ the examples.
 
 A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
 marker in any folder. Those files run first, so that no worker is left alone with one at the end.
+
+One worker runs all tests of a group: those of a file that flies nothing, which is quicker than to
+distribute them, and those that share a flight, whose file names their group.
 """
 
 from pathlib import Path
@@ -28,6 +31,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(layer)
     slow = {item.path for item in items if flies_or_starts(item)}
     items.sort(key=lambda item: item.path not in slow)
+    for item in items:
+        if item.path not in slow:
+            item.add_marker(pytest.mark.xdist_group(str(item.path)))
 
 
 def flies_or_starts(item: pytest.Item) -> bool:

@@ -16,11 +16,11 @@ ROOM = """
 name = "small"
 height_m = 2.6
 [[walls]]
-points = [[0, 0], [6, 0], [6, 5], [0, 5]]
+points = [[0, 0], [4.5, 0], [4.5, 4], [0, 4]]
 closed = true
 [[starts]]
 name = "middle"
-position = [3.2, 2.2]
+position = [2.4, 1.8]
 """
 
 

@@ -12,17 +12,17 @@ WORLD = """
 name = "neighbours"
 height_m = 2.6
 [[walls]]
-points = [[0, 0], [6, 0], [6, 5], [0, 5]]
+points = [[0, 0], [4.5, 0], [4.5, 4], [0, 4]]
 closed = true
 [[walls]]
-points = [[20, 0], [25, 0], [25, 6], [20, 6]]
+points = [[20, 0], [24, 0], [24, 5], [20, 5]]
 closed = true
 [[starts]]
 name = "north"
-position = [3.2, 2.2]
+position = [2.4, 1.8]
 [[starts]]
 name = "south"
-position = [22.2, 3.4]
+position = [21.8, 2.9]
 """
 
 
