@@ -7,14 +7,16 @@ the examples.
 A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
 marker in any folder. Those files run first, so that no worker is left alone with one at the end.
 
-One worker runs all tests of a group: those of a file that flies nothing, which is quicker than to
-distribute them, and those that share a flight, whose file names their group.
+Tests are distributed to workers file by file, so that a flight that a file's tests share is flown
+once. Those of the slow layers are distributed one by one.
 """
 
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadScopeScheduling
 
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None)
@@ -22,6 +24,19 @@ settings.register_profile("fast", deadline=None, derandomize=True, max_examples=
 settings.load_profile("same")
 
 HERE = Path(__file__).parent
+ONE_BY_ONE = "tests/processes", "tests/browser", "tests/flights", "examples"
+"""Folders whose files would occupy one worker for minutes."""
+
+
+class FileScheduling(LoadScopeScheduling):
+    """Distributes tests to workers file by file, or one by one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return nodeid if nodeid.startswith(ONE_BY_ONE) else nodeid.partition("::")[0]
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileScheduling:
+    return FileScheduling(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -31,9 +46,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(layer)
     slow = {item.path for item in items if flies_or_starts(item)}
     items.sort(key=lambda item: item.path not in slow)
-    for item in items:
-        if item.path not in slow:
-            item.add_marker(pytest.mark.xdist_group(str(item.path)))
 
 
 def flies_or_starts(item: pytest.Item) -> bool:

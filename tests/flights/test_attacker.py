@@ -18,8 +18,6 @@ from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
 
-pytestmark = pytest.mark.xdist_group("attacker")
-
 KEY, OTHER_KEY = b"k" * 32, b"x" * 32
 FROM_S = 12.0
 YEARS_S = 1e8

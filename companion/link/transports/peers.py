@@ -24,7 +24,8 @@ Address = tuple[str, int]
 class Peer:
     """The other end of a link, with the number of datagrams to and from it."""
 
-    address: Address
+    address: Address | None
+    """None before the first message of a peer that is not configured."""
     datagrams_sent: int = 0
     datagrams_received: int = 0
 
@@ -33,15 +34,14 @@ class Peers:
     """The peer, and those that it replaced; time is an argument."""
 
     def __init__(self, address: Address | None) -> None:
-        self._peers = [Peer(address)] if address else []
+        self._peers = [Peer(address)]
         """In the order in which they became the peer; the last one is the peer."""
         self._others_since_s: float | None = None
         """Time since which only other senders were received, not the peer; else None."""
 
     @property
-    def peer(self) -> Peer | None:
-        """The peer; None before the first message of an unconfigured one."""
-        return self._peers[-1] if self._peers else None
+    def peer(self) -> Peer:
+        return self._peers[-1]
 
     def hear(self, senders: Sequence[Address], now_s: float) -> None:
         """Select the peer again, after messages from these senders have been received."""
@@ -52,7 +52,7 @@ class Peers:
                 return
         if not senders:
             return
-        if self._peers:
+        if self.peer.address:
             if self._others_since_s is None:
                 self._others_since_s = now_s
             if now_s - self._others_since_s < TAKEOVER_S:

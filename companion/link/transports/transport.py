@@ -146,18 +146,18 @@ class UdpTransport:
 
     @property
     def peer_port(self) -> int | None:
-        peer = self._peers.peer
-        return peer.address[1] if peer else None
+        address = self._peers.peer.address
+        return address[1] if address else None
 
     @property
     def datagrams_sent(self) -> int:
         """Number of datagrams sent to the peer."""
-        return self._peers.peer.datagrams_sent if self._peers.peer else 0
+        return self._peers.peer.datagrams_sent
 
     @property
     def datagrams_received(self) -> int:
         """Number of datagrams received from the peer."""
-        return self._peers.peer.datagrams_received if self._peers.peer else 0
+        return self._peers.peer.datagrams_received
 
     def receive(self) -> list[Message]:
         self._drain()
@@ -171,7 +171,7 @@ class UdpTransport:
         self._peers.hear([sender for sender, _ in heard], time.monotonic())
         peer = self._peers.peer
         for sender, messages in heard:
-            if peer and sender == peer.address:
+            if sender == peer.address:
                 peer.datagrams_received += 1
                 self._waiting += messages
 
@@ -194,14 +194,13 @@ class UdpTransport:
         while self.datagrams_received < total:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0 or not select.select([self._socket], [], [], left_s)[0]:
-                if self._peers.peer:
-                    self._peers.peer.datagrams_received = total
+                self._peers.peer.datagrams_received = total
                 return
             self._drain()
 
     def send(self, message: Message) -> None:
         peer = self._peers.peer
-        if peer is None:
+        if peer.address is None:
             return
         try:
             self._socket.sendto(frame(self._codec, message), peer.address)

@@ -10,7 +10,7 @@ import pytest
 from sitl.testing import Sitl
 from tests.worlds import SMALL_ROOM
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("export_commands")]
+pytestmark = pytest.mark.flights
 
 
 def companion(*arguments: object) -> subprocess.CompletedProcess[str]:

@@ -36,7 +36,7 @@ from companion.export.plan.survey import Survey, survey
 from sitl.testing import Flight, Sitl
 from sitl.world.plan import wall_surfaces
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("export")]
+pytestmark = pytest.mark.flights
 
 PLACE = Place(47.3977, 8.5456, math.radians(30))
 LABELS = Labels("a flight", PLACE)

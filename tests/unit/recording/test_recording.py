@@ -48,7 +48,7 @@ from sitl.world.loading import load_world
 from tests.examples import examples
 from tests.worlds import SMALL_ROOM
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("recording")]
+pytestmark = pytest.mark.flights
 
 ANY = st.floats()
 BEGIN_BYTES = 200

@@ -14,7 +14,7 @@ from sitl.simulation.simulation import Setup
 from sitl.testing.flight import ReportView
 from sitl.world.format import Box, Walls, World
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("changes")]
+pytestmark = pytest.mark.flights
 
 HEIGHT_M, FRONT_M = 2.6, 0.6
 PAD_NE_M = 2.2, 3.0

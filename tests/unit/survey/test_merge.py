@@ -25,7 +25,7 @@ from companion.survey.unknown_start import StartSearch, is_same, search_start
 from sitl.testing import Sitl
 from tests.unit.survey.rooms import L_SHAPE, RECTANGLE, Corners
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("merge")]
+pytestmark = pytest.mark.flights
 
 ROOM = """
 name = "L-shaped room"

@@ -19,7 +19,7 @@ from companion.survey.solved import kept_at, kept_or_solved
 from sitl.testing import Sitl
 from tests.worlds import SMALL_ROOM
 
-pytestmark = [pytest.mark.flights, pytest.mark.xdist_group("survey")]
+pytestmark = pytest.mark.flights
 
 TWO_ROOMS = """
 name = "two rooms"
