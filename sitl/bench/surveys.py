@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -51,11 +51,14 @@ class SurveyFlown:
     """A row for each flight."""
     left_out: tuple[str, ...] = ()
     """Flights that are not in the map, with reasons."""
+    changes: tuple[Report, ...] = ()
+    """What differs between flights, as in `report.json`."""
 
     @property
     def row(self) -> dict[str, Any]:
         """All results, for `--json`."""
-        return {**self.joint.row, "sorties": self.sorties, "left_out": self.left_out}
+        lists = {"sorties": self.sorties, "left_out": self.left_out, "changes": self.changes}
+        return {**self.joint.row, **lists}
 
 
 def fly(job: SurveyJob) -> SurveyFlown:
@@ -96,7 +99,9 @@ def _fly(job: SurveyJob) -> SurveyFlown:
     paths = [[state.position_ned_m[:2] for state in truth.path] for truth in sorties.truths]
     truth = wall_surfaces(setup.world, settings.mission.height_m)
     left_out = tuple(f"{each.name}: {each.reason}" for each in last.merged.left_out)
-    return SurveyFlown(Flown(row, Sketch(truth, walls, paths)), rows, (*told, *left_out))
+    changes = tuple(asdict(change) for change in last.merged.changes)
+    sketch = Sketch(truth, walls, paths)
+    return SurveyFlown(Flown(row, sketch), rows, (*told, *left_out), changes)
 
 
 def return_m(row: Report) -> float:

@@ -43,7 +43,7 @@ from companion.recording.replay import is_same_map, replay
 from companion.recording.tlog import Tap
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
-from sitl.testing import Flight, Sitl, link_down, unplug, when
+from sitl.testing import Flight, Sitl, at, crash, link_down, unplug, when
 from sitl.world.loading import load_world
 from tests.examples import examples
 from tests.worlds import SMALL_ROOM
@@ -165,7 +165,8 @@ def test_ranges_are_valid_json(whole: Recorded) -> None:
 
 
 def test_the_recording_contains_the_effective_configuration(tmp_path: Path) -> None:
-    flown = recorded(tmp_path, settings={"mission.speed_m_s": 0.7})
+    soon = at(12, crash())  # the beginning of a flight is enough
+    flown = recorded(tmp_path, settings={"mission.speed_m_s": 0.7}, script=[soon])
     assert read(flown.mcap).config == flown.flight.config
 
 
