@@ -156,13 +156,13 @@ class App:
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
         self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
-        self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
+        self.overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         if earlier:
-            self._overhead.know(earlier.overhead)
+            self.overhead.know(earlier.overhead)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
         self._standoff_m = cache(partial(standoff_m, wanted, front, offset_m))
         """Stand-off as a function of the wander of the autopilot's estimate, m."""
-        self._heights = Heights(offset_m)
+        self.heights = Heights(offset_m)
         self._obstacles = ObstacleMemory(self._units)
         self._lag = VelocityLag()
         self._health = Health()
@@ -174,11 +174,6 @@ class App:
     def rays(self) -> tuple[Array, ...]:
         """All rays of the flight for `draw_onto`, (r, 8) for each layer from the lowest."""
         return tuple(space.rays for space in self._spaces)
-
-    @property
-    def overhead(self) -> Array:
-        """Readings of the up beam in this flight, as in `Overhead.readings`."""
-        return self._overhead.readings
 
     @property
     def space(self) -> RedrawnGrid:
@@ -275,8 +270,8 @@ class App:
                 space.correct(keyframes)
         if self.flight.phase in EXPLORING_PHASES:
             over_floor = replace(pose, down_m=-estimator.over_floor_m)
-            self._heights.see(scan, over_floor)
-            self._overhead.see(scan, over_floor)
+            self.heights.see(scan, over_floor)
+            self.overhead.see(scan, over_floor)
             height_m = self.flight.layers.height_m(self._config.mission)
             if abs(estimator.height_m - height_m) < AT_LAYER_M:
                 self.space.add(rays(pose, scan, self._units), keyframes)
@@ -306,7 +301,7 @@ class App:
                 around.is_gap_doubtful,
             ),
             space=self._obstructed(pose, around),
-            floor=self._heights,
+            floor=self.heights,
             around=around,
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
@@ -341,7 +336,7 @@ class App:
         """Start the grid of the next layer from the one below and the low ceilings."""
         plan = self._config.mission
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
-        low = self._overhead.lower_than(top_m, self._ceiling.height_m)
+        low = self.overhead.lower_than(top_m, self._ceiling.height_m)
         earlier = self._earlier.spaces[len(self._spaces) :] if self._earlier else ()
         known = earlier[0] if earlier else None
         self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, known)))
@@ -376,8 +371,8 @@ class App:
             traced.hits(),
             traced.path(),
             self._ceiling.height_m,
-            self._heights.floor_m,
-            self._heights.tops(),
+            self.heights.floor_m,
+            self.heights.tops(),
         )
 
     def _walls(self) -> tuple[WallSegment, ...]:

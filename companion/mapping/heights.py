@@ -14,6 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import label
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeScan, Surface
 
@@ -36,6 +37,17 @@ class Heights:
     def __init__(self, mount_offset_m: float) -> None:
         self._mount_offset_m = mount_offset_m
         self._readings_m: defaultdict[Cell, list[float]] = defaultdict(list)
+        self._readings: list[tuple[float, ...]] = []
+
+    @property
+    def readings(self) -> Array:
+        """The readings of this flight (n, 3), m, for `know`: north, east, and height."""
+        return np.array(self._readings).reshape(-1, 3)
+
+    def know(self, readings: Array) -> None:
+        """Add readings (n, 3) of other flights."""
+        for north_m, east_m, height_m in readings.tolist():
+            self._readings_m[_cell((north_m, east_m))].append(height_m)
 
     def see(self, scan: RangeScan, pose: Pose) -> None:
         """Add a reading taken in level attitude."""
@@ -43,6 +55,7 @@ class Heights:
         if reading is not None and reading.is_distance:
             height_m = pose.height_m - self._mount_offset_m - reading.distance_m
             self._readings_m[_cell(pose.ne_m)].append(height_m)
+            self._readings.append((*pose.ne_m, height_m))
 
     @property
     def floor_m(self) -> float | None:

@@ -9,7 +9,6 @@ import numpy as np
 from companion.app import App
 from companion.core.arrays import Array, Indices
 from companion.core.errors import SurveyError
-from companion.core.messages import Surface
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.search import most_likely
 from companion.estimation.smoothing.estimate import Estimate
@@ -50,12 +49,12 @@ class Flown:
     rays: tuple[Array, ...]
     """(r, 8) for each layer from the lowest, as in `RedrawnGrid.rays`."""
     ceiling_m: float | None
-    floor_m: float | None
-    tops: tuple[Surface, ...]
     tried: tuple[tuple[Places, ...], ...]
     """Targets of its looks in each layer, also of those in the flights that it knows."""
     overhead: Array
     """(n, 4), m: readings of the up beam in its own frame, as in `Overhead.readings`."""
+    heights: Array
+    """(n, 3), m: readings of the down beam in its own frame, as in `Heights.readings`."""
 
     @classmethod
     def of(cls, name: str, app: App) -> "Flown":
@@ -71,7 +70,6 @@ class Flown:
             m, alone = estimator.solved()
         except np.linalg.LinAlgError as error:
             raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
-        plan = app.floor_plan()
         return cls(
             name,
             estimator.models,
@@ -81,11 +79,10 @@ class Flown:
             alone.x,
             alone.wall_of,
             app.rays,
-            plan.ceiling_m,
-            plan.floor_m,
-            plan.tops,
+            app.floor_plan().ceiling_m,
             app.flight.looked_at,
-            app.overhead,
+            app.overhead.readings,
+            app.heights.readings,
         )
 
     @property

@@ -30,6 +30,7 @@ from companion.estimation.smoothing.state import (
 )
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
+from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import draw_onto
 from companion.pdps.frontiers import Places
@@ -146,17 +147,19 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
     ceilings = [each.ceiling_m for each in flown if each.ceiling_m is not None]
-    floors = [each.floor_m for each in flown if each.floor_m is not None]
+    starts = [joint.start(number) for number in range(len(flown))]
+    heights = Heights(0.0)
+    for each, start in zip(flown, starts, strict=True):
+        heights.know(_in_map(each.heights, each, start))
     plan = FloorPlan(
         walls,
         tuple(hits),
         tuple(path),
         float(np.median(ceilings)) if ceilings else None,
-        float(np.median(floors)) if floors else None,
-        tuple(top for each in flown for top in each.tops),
+        heights.floor_m,
+        heights.tops(),
     )
     shared = _shared_walls([flight.wall_of for flight in flights], len(lines))
-    starts = [joint.start(number) for number in range(len(flown))]
     return Merged(
         plan,
         tuple(
@@ -172,7 +175,9 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         reach_m(x, project(x, m).points, found.wall_of),
         spaces,
         _tried(flown),
-        np.concatenate([_overhead(each, start) for each, start in zip(flown, starts, strict=True)]),
+        np.concatenate(
+            [_in_map(each.overhead, each, at) for each, at in zip(flown, starts, strict=True)]
+        ),
         found.listed,
     )
 
@@ -183,10 +188,13 @@ def _tried(flown: Sequence[Flown]) -> tuple[tuple[Places, ...], ...]:
     return tuple(tuple(dict.fromkeys(chain.from_iterable(layer))) for layer in by_layer)
 
 
-def _overhead(flown: Flown, start: Array) -> Array:
-    """(n, 4): readings of a flight's up beam, in the frame of the map. `start` (3,): as solved."""
+def _in_map(readings: Array, flown: Flown, start: Array) -> Array:
+    """(n, c): readings of a flight in the frame of the map; the first columns are north and east.
+
+    `start` (3,): where the flight began, as solved.
+    """
     own_start = flown.x.poses[0, : YAW + 1]
-    readings = flown.overhead.copy()
+    readings = readings.copy()
     off_m = points_to_frd(readings[:, :2] - own_start[:YAW], float(own_start[YAW] - start[YAW]))
     readings[:, :2] = start[:YAW] + off_m
     return readings

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from companion.app import level_units
-from companion.core.messages import Surface
 from companion.earlier import (
     TRIED,
     layers_as_arrays,
@@ -96,8 +95,6 @@ def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
         "odometry": asdict(flown.models.odometry),
         "knows_earlier_flights": flown.knows_earlier_flights,
         "ceiling_m": flown.ceiling_m,
-        "floor_m": flown.floor_m,
-        "tops": [asdict(top) for top in flown.tops],
     }
     arrays: dict[str, Any] = {
         "values": np.array(json.dumps(values)),
@@ -106,6 +103,7 @@ def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
         "wall_of": flown.wall_of,
         **{name: getattr(flown.x, name) for name in _OF_X},
         "overhead": flown.overhead,
+        "heights": flown.heights,
         **layers_as_arrays(_RAYS, [{"all": rays} for rays in flown.rays]),
         **layers_as_arrays(TRIED, [places_as_arrays(layer) for layer in flown.tried]),
     }
@@ -137,15 +135,9 @@ def _load(recording: Recording, folder: Path) -> Flown | None:
                 archive["wall_of"],
                 tuple(layer["all"] for layer in layers_of_arrays(_RAYS, archive)),
                 values["ceiling_m"],
-                values["floor_m"],
-                tuple(_surface(top) for top in values["tops"]),
                 tuple(places_of_arrays(layer) for layer in layers_of_arrays(TRIED, archive)),
                 archive["overhead"],
+                archive["heights"],
             )
     except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None
-
-
-def _surface(values: dict[str, Any]) -> Surface:
-    north_m, east_m = values.pop("centre_ne_m")
-    return Surface(centre_ne_m=(north_m, east_m), **values)

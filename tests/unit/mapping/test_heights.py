@@ -54,3 +54,18 @@ def test_the_floor_is_unknown_without_detections() -> None:
     heights.see(RangeScan(0.0, {Beam.DOWN: RangeReading(RangeState.NOTHING)}), Pose(0, 0, 0, 0, 0))
     assert heights.floor_m is None
     assert heights.tops() == ()
+
+
+def test_a_table_top_that_two_flights_saw_in_part_is_one() -> None:
+    table = block(range(4, 12), range(4, 20), 0.72)
+    halves = [
+        {cell: top_m for cell, top_m in table.items() if (cell[1] < 14) == is_west}
+        for is_west in (True, False)
+    ]
+    joint = Heights(0.0)
+    for half in halves:
+        joint.know(flown_over(half).readings)
+    (desk,) = joint.tops()
+    assert desk.height_m == pytest.approx(0.72, abs=0.02)
+    assert desk.centre_ne_m == pytest.approx((0.8, 1.2), abs=0.1)
+    assert joint.floor_m == pytest.approx(0, abs=0.01)
