@@ -120,7 +120,10 @@ class ExternalVehicle:
         state = self._tracker.at(self.time_s)
         self._history.add(state)
         self._estimator.update(state)
-        if self.record.observe(state, self._model.body_clearance_m(state.position_ned_m)):
+        notable_m = self.record.notable_m
+        if self.record.observe(
+            state, self._model.body_clearance_m(state.position_ned_m, notable_m)
+        ):
             self._crash()
         for message in self._due():
             self._transport.send(message)

@@ -31,8 +31,16 @@ class TruthRecord:
     def take_off(self) -> TrueState:
         return self.path[0]
 
+    @property
+    def notable_m(self) -> float:
+        """A clearance up to this may be a new minimum or a collision, m."""
+        return max(self.clearance_m, 0.0)
+
     def observe(self, state: TrueState, clearance_m: float) -> bool:
-        """Record one step; True at the start of a collision."""
+        """Record one step; True at the start of a collision.
+
+        `clearance_m` is exact up to `notable_m`.
+        """
         if state.time_s - self.path[-1].time_s >= PERIOD_S - 1e-9:
             self.path.append(state)
         if -state.position_ned_m[2] > AIRBORNE_M:

@@ -141,7 +141,7 @@ class Simulation:
 
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)
-        clearance_m = self._model.body_clearance_m(state.position_ned_m)
+        clearance_m = self._model.body_clearance_m(state.position_ned_m, self.record.notable_m)
         if others := self._everybody():
             to_others_m = clearance_to_others_m(state.position_ned_m, others)
             clearance_m = min(clearance_m, to_others_m)

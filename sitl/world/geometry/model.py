@@ -22,8 +22,6 @@ BODY_RADIUS_M = 0.2
 """Radius of the sphere that represents the drone with its propellers, m."""
 BEAM_WIDTH_M = 0.001
 """Width of the box along a beam, m."""
-FAR_M = 1.0
-"""Above this bound the clearance is not computed exactly, m. Chosen."""
 
 
 class Hit(NamedTuple):
@@ -95,15 +93,15 @@ class WorldModel:
             return 0.0
         return max(self._body_distance(position) + BODY_RADIUS_M, 0.0)
 
-    def body_clearance_m(self, position: Vector3) -> float:
+    def body_clearance_m(self, position: Vector3, exact_to_m: float) -> float:
         """Distance of the drone's body to any surface except the floor, m; ≤ 0 on contact.
 
-        The value is exact whenever it may be a new minimum. A body that has moved by s since the
-        last exact value c is at least c - s away. That bound is returned while it exceeds `FAR_M`.
+        The value is exact up to `exact_to_m`. A body that has moved by s since the last exact value
+        c is at least c - s away. That bound is returned while it exceeds `exact_to_m`.
         """
         if self._checked_at is not None:
             bound_m = self._clearance_m - math.dist(position, self._checked_at)
-            if bound_m > FAR_M:
+            if bound_m > exact_to_m:
                 return bound_m
         self._checked_at = position
         self._clearance_m = self.clearance_m(position) - BODY_RADIUS_M

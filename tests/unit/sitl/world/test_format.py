@@ -119,12 +119,14 @@ def test_the_floor_is_no_obstacle() -> None:
 
 
 @settings(max_examples=examples(30))
-@given(st.lists(INSIDE, min_size=2, max_size=20))
-def test_body_clearance_never_exceeds_the_exact_value_below_1_m(path: list[Vector3]) -> None:
+@given(st.lists(INSIDE, min_size=2, max_size=20), st.floats(0, 2))
+def test_body_clearance_is_exact_up_to_a_bound(path: list[Vector3], exact_to_m: float) -> None:
     watching = WorldModel(FURNISHED)
     for position in path:
-        exact = watching.clearance_m(position) - BODY_RADIUS_M
-        assert min(watching.body_clearance_m(position), 1.0) <= exact + 1e-6
+        exact_m = watching.clearance_m(position) - BODY_RADIUS_M
+        found_m = watching.body_clearance_m(position, exact_to_m)
+        assert found_m <= exact_m + 1e-6
+        assert found_m == pytest.approx(exact_m, abs=1e-6) or found_m > exact_to_m
 
 
 def test_the_papers_first_room_is_ten_by_ten() -> None:

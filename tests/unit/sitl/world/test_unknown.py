@@ -76,7 +76,7 @@ def fan_room() -> Shades:
 def test_a_window_without_returns_is_closed(tmp_path: Path) -> None:
     world, _ = loaded(tmp_path, window_room())
     assert range_m(world, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
-    assert WorldModel(world).body_clearance_m((3.0, 5.9, -HEIGHT_M)) <= 0
+    assert WorldModel(world).body_clearance_m((3.0, 5.9, -HEIGHT_M), 0.0) <= 0
     assert border_m(world) == pytest.approx(2.5, abs=0.01)
 
 
