@@ -6,7 +6,7 @@ paper (2 cm to 5 m, an error of 5 cm at any distance); no $20 part is like that.
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from companion.core.messages import RangeModel, RangeReading, RangeState
@@ -70,6 +70,17 @@ class SharpProfile:
     least_v: float
     most_v: float
     """Output range of a working sensor, V; an open input or a short to a rail may be outside."""
+    _rising: Curve = field(init=False, repr=False)
+    _falling: Curve = field(init=False, repr=False)
+    """Distances below the specified range by voltage, m: before and after the curve's peak."""
+
+    def __post_init__(self) -> None:
+        near = self.volts_by_near_m
+        peak = max(range(len(near.y)), key=near.y.__getitem__)
+        rising = Curve(near.y[: peak + 1], near.x[: peak + 1])
+        falling = Curve(near.y[: peak - 1 : -1], near.x[: peak - 1 : -1])
+        object.__setattr__(self, "_rising", rising)
+        object.__setattr__(self, "_falling", falling)
 
     @property
     def min_m(self) -> float:
@@ -106,20 +117,13 @@ class SharpProfile:
 
     def alias_m(self, distance_m: float) -> float | None:
         """Distance with the same output on the rising branch, from the lens to the curve's peak."""
-        volts, near, peak = self.volts(distance_m), self.volts_by_near_m, self._peak
-        rising = Curve(near.x[: peak + 1], near.y[: peak + 1]).inverse()
-        return rising.at(volts)[0] if volts >= near.y[0] else None
-
-    @property
-    def _peak(self) -> int:
-        """Index of the curve's peak among the near points."""
-        return max(range(len(self.volts_by_near_m.y)), key=self.volts_by_near_m.y.__getitem__)
+        volts = self.volts(distance_m)
+        return self._rising.at(volts)[0] if volts >= self._rising.x[0] else None
 
     def _near_m(self, volts: float) -> float:
         """Estimate of a distance that is too near, on the branch that falls from the peak."""
-        near, peak = self.volts_by_near_m, self._peak
-        falling = Curve(near.y[: peak - 1 : -1], near.x[: peak - 1 : -1])
-        return min(max(falling.at(volts)[0], near.x[peak]), near.x[-1])
+        nearest_m, farthest_m = self._falling.y[-1], self._falling.y[0]
+        return min(max(self._falling.at(volts)[0], nearest_m), farthest_m)
 
     def volts(self, distance_m: float | None) -> float:
         """The datasheet's curve.
