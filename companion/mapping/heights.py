@@ -8,6 +8,7 @@ are high enough above them.
 
 import math
 import statistics
+from array import array
 from collections import defaultdict
 from collections.abc import Mapping
 
@@ -37,7 +38,7 @@ class Heights:
     def __init__(self, mount_offset_m: float) -> None:
         self._mount_offset_m = mount_offset_m
         self._readings_m: defaultdict[Cell, list[float]] = defaultdict(list)
-        self._readings: list[tuple[float, ...]] = []
+        self._readings = array("d")
 
     @property
     def readings(self) -> Array:
@@ -55,7 +56,7 @@ class Heights:
         if reading is not None and reading.is_distance:
             height_m = pose.height_m - self._mount_offset_m - reading.distance_m
             self._readings_m[_cell(pose.ne_m)].append(height_m)
-            self._readings.append((*pose.ne_m, height_m))
+            self._readings.extend((*pose.ne_m, height_m))
 
     @property
     def floor_m(self) -> float | None:

@@ -5,6 +5,7 @@ while the drone passes below it. In the next layer the side beams would detect i
 """
 
 import math
+from array import array
 from collections import defaultdict
 
 import numpy as np
@@ -29,7 +30,7 @@ class Overhead:
         self._mount_offset_m, self._near_limit_m = mount_offset_m, near_limit_m
         self._met_m: defaultdict[Cell, list[tuple[float, float]]] = defaultdict(list)
         """Height of the sensor, and least distance to the obstacle above it."""
-        self._readings: list[tuple[float, ...]] = []
+        self._readings = array("d")
 
     @property
     def readings(self) -> Array:
@@ -52,7 +53,7 @@ class Overhead:
         above_m = reading.distance_m if reading.is_distance else 0.0
         at_m = pose.height_m + self._mount_offset_m
         self._met_m[_cell(pose.ne_m)].append((at_m, above_m))
-        self._readings.append((*pose.ne_m, at_m, above_m))
+        self._readings.extend((*pose.ne_m, at_m, above_m))
 
     def lower_than(self, height_m: float, ceiling_m: float | None) -> tuple[Vector2, ...]:
         """Middles of the cells whose obstacles above are, or may be, lower than this.
