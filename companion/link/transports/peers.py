@@ -45,13 +45,13 @@ class Peers:
 
     def hear(self, senders: Sequence[Address], now_s: float) -> None:
         """Select the peer again, after messages from these senders have been received."""
+        if not senders:
+            return
         for number, peer in enumerate(self._peers):
             if peer.address in senders:
                 del self._peers[number + 1 :]
                 self._others_since_s = None
                 return
-        if not senders:
-            return
         if self.peer.address:
             if self._others_since_s is None:
                 self._others_since_s = now_s

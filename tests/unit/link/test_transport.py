@@ -94,6 +94,14 @@ def now_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
+@pytest.fixture
+def stranger(udp_pair: UdpPair) -> Iterator[UdpTransport]:
+    """Another sender to the autopilot."""
+    sender = UdpTransport(f"udpout:127.0.0.1:{udp_pair[0].local_port}", 7, 1)
+    yield sender
+    sender.close()
+
+
 def exchange(sender: UdpTransport, to: UdpTransport) -> list[Message]:
     """Send a heartbeat; returns the messages that are accepted."""
     sender.send(heartbeat())
@@ -101,17 +109,17 @@ def exchange(sender: UdpTransport, to: UdpTransport) -> list[Message]:
     return to.receive()
 
 
-def test_datagrams_of_another_sender_are_ignored(udp_pair: UdpPair, now_s: list[float]) -> None:
+def test_datagrams_of_another_sender_are_ignored(
+    udp_pair: UdpPair, stranger: UdpTransport, now_s: list[float]
+) -> None:
     autopilot, companion = udp_pair
     assert exchange(companion, autopilot)
-    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
     for _ in range(10):
         now_s[0] += 0.5
         assert not exchange(stranger, autopilot)
         assert exchange(companion, autopilot)
     assert autopilot.peer_port == companion.local_port
     assert autopilot.datagrams_received == 11
-    stranger.close()
 
 
 def test_a_new_sender_becomes_the_peer_while_the_peer_is_silent(
@@ -132,11 +140,10 @@ def test_a_new_sender_becomes_the_peer_while_the_peer_is_silent(
 
 
 def test_an_earlier_peer_that_sends_again_replaces_a_later_one(
-    udp_pair: UdpPair, now_s: list[float]
+    udp_pair: UdpPair, stranger: UdpTransport, now_s: list[float]
 ) -> None:
     autopilot, companion = udp_pair
     assert exchange(companion, autopilot)
-    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
     for _ in range(5):
         exchange(stranger, autopilot)
         now_s[0] += 1.0
@@ -145,16 +152,14 @@ def test_an_earlier_peer_that_sends_again_replaces_a_later_one(
     assert not exchange(stranger, autopilot)
     assert autopilot.peer_port == companion.local_port
     assert autopilot.datagrams_received == 2
-    stranger.close()
 
 
 def test_a_peer_behind_strangers_in_the_queue_is_heard_after_a_long_pause(
-    udp_pair: UdpPair, now_s: list[float]
+    udp_pair: UdpPair, stranger: UdpTransport, now_s: list[float]
 ) -> None:
     """A process that pauses for seconds finds the strangers' messages first."""
     autopilot, companion = udp_pair
     assert exchange(companion, autopilot)
-    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
     assert not exchange(stranger, autopilot)
     now_s[0] += 10.0
     stranger.send(heartbeat())
@@ -163,7 +168,6 @@ def test_a_peer_behind_strangers_in_the_queue_is_heard_after_a_long_pause(
     (accepted,) = autopilot.receive()
     assert accepted.get_srcComponent() == 191
     assert autopilot.peer_port == companion.local_port
-    stranger.close()
 
 
 def test_a_closed_peer_causes_no_error(udp_pair: UdpPair) -> None:

@@ -13,11 +13,11 @@ AHEAD_M, RIGHT_M = 4.5, 3.0
 """Walls ahead and to the right of the start; the drone flies to 1 m before the one ahead."""
 SIGMA_M = 0.05
 """Noise of the paper's sensor, 1 sigma."""
+ODOMETRY_SIGMA_M_S = 0.1
+"""Noise of the odometry's velocity before it is smoothed over ten ticks, m/s. Chosen."""
 
 
-def found_off_after_m(
-    beam: Beam, wired_as: Beam, drift_deg: float, seed: int = 1, odometry_sigma: float = 0.1
-) -> float | None:
+def found_off_after_m(beam: Beam, wired_as: Beam, drift_deg: float, seed: int) -> float | None:
     """Way after which `beam`, wired to the sensor of another one, is found; None if it is not.
 
     The drone drifts to the right of its heading.
@@ -29,7 +29,7 @@ def found_off_after_m(
     stand = Stand()
     for tick in range(round((AHEAD_M - 1) / SPEED_M_S / TICK_S)):
         ahead_m, right_m = ahead_m + SPEED_M_S * TICK_S, right_m + aside * SPEED_M_S * TICK_S
-        error_m_s += 0.1 * (random.gauss(0, odometry_sigma) - error_m_s)
+        error_m_s += 0.1 * (random.gauss(0, ODOMETRY_SIGMA_M_S) - error_m_s)
         stand = Stand(
             stand.ahead_m + SPEED_M_S * TICK_S,
             stand.right_m + (aside * SPEED_M_S + error_m_s) * TICK_S,
