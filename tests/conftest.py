@@ -24,7 +24,7 @@ settings.register_profile("fast", deadline=None, derandomize=True, max_examples=
 settings.load_profile("same")
 
 HERE = Path(__file__).parent
-ONE_BY_ONE = "tests/processes", "tests/browser", "tests/flights", "examples"
+ONE_BY_ONE = "tests/processes", "tests/flights", "examples"
 """Folders whose files would occupy one worker for minutes."""
 
 

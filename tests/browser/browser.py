@@ -12,15 +12,16 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
-from benchmarks.pictures.browser import DEADLINE_MS, FLAGS
+from benchmarks.pictures.browser import FLAGS
 from companion.view.scene.camera import PANEL_PX
 from tests.processes.started import read_until, started, stop
+from tests.waiting import DEADLINE_S
 
 CHROMIUM = "chromium"
 NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
 """Hides notifications: they cover the scene, and their size depends on fonts."""
 SIZE = {"width": 1000, "height": 480}
-expect.set_options(timeout=DEADLINE_MS)
+expect.set_options(timeout=1000 * DEADLINE_S)
 
 
 @contextmanager
@@ -55,7 +56,7 @@ def opened(browser: Browser, address: str) -> Iterator[Page]:
     errors: list[str] = []
     with browser.new_context(viewport=SIZE, accept_downloads=True) as context:  # type: ignore[arg-type]
         page = context.new_page()
-        page.set_default_timeout(DEADLINE_MS)
+        page.set_default_timeout(1000 * DEADLINE_S)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on(
             "console",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from benchmarks.pictures.browser import DEADLINE_MS, choose
+from benchmarks.pictures.browser import choose
 from sitl.testing import Sitl
 from sitl.world.loading import world_names
 from tests.browser.browser import (
@@ -28,11 +28,10 @@ from tests.processes.started import (
     flying,
     free_udp_port,
     running_sitl,
-    until,
 )
 from tests.processes.started import sitl as sitl_command
+from tests.waiting import until
 
-DEADLINE_S = DEADLINE_MS / 1000
 TOKEN = "0123456789abcdef"
 
 
@@ -56,24 +55,24 @@ def test_the_page_starts_and_shows_a_flight(browser: Browser, tmp_path: Path) ->
         press(page, "room_100")
         choose(page, "speed", "10 ×")
         press(page, "Start")
-        until(lambda: walls_m(page) > 1, "the first wall", DEADLINE_S)
+        until(lambda: walls_m(page) > 1, "the first wall")
         before_m = walls_m(page)
-        until(lambda: walls_m(page) > before_m + 5, "the map grows", DEADLINE_S)
-        until(lambda: coloured(page, 0.5, 1) > 500, "the map is drawn", DEADLINE_S)
+        until(lambda: walls_m(page) > before_m + 5, "the map grows")
+        until(lambda: coloured(page, 0.5, 1) > 500, "the map is drawn")
 
         assert number(page, "least clearance") > 0
         page.get_by_label("hide the truth", exact=True).check()
-        until(lambda: not has_row(page, "least clearance"), "no truth", DEADLINE_S)
-        until(lambda: coloured(page, 0, 0.45) < 50, "no true path", DEADLINE_S)
+        until(lambda: not has_row(page, "least clearance"), "no truth")
+        until(lambda: coloured(page, 0, 0.45) < 50, "no true path")
         page.get_by_label("hide the truth", exact=True).uncheck()
 
         download = page.get_by_role("button", name="Download map")
         expect(download).to_be_enabled()
         assert row(page, "doing") == "mission complete"
-        until(lambda: number(page, "coverage") >= 95, "coverage", DEADLINE_S)
+        until(lambda: number(page, "coverage") >= 95, "coverage")
         assert number(page, "wall error, aligned") < 6
         choose(page, "map as", "json")
-        with page.expect_download(timeout=DEADLINE_MS) as waiting:
+        with page.expect_download() as waiting:
             download.click()
         waiting.value.save_as(tmp_path / "map.json")
         walls = json.loads((tmp_path / "map.json").read_text())["walls"]
@@ -101,23 +100,23 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         text_field(page, "stand-off").fill("1.5")
         choose(page, "speed", "5 ×")
         press(page, "Start")
-        until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
+        until(lambda: walls_m(page) > 5, "walls")
         press(page, "Pause")
         paused_s = settled(page)
         press(page, "Step")
-        until(lambda: number(page, "time") > paused_s, "a step", DEADLINE_S)
+        until(lambda: number(page, "time") > paused_s, "a step")
         assert settled(page) == pytest.approx(paused_s + 0.05, abs=0.06)
 
         choose(page, "fault", "sensor unplugged")
         press(page, "Inject")
         press(page, "Resume")
-        until(lambda: has_row(page, "trouble"), "a fault", DEADLINE_S)
+        until(lambda: has_row(page, "trouble"), "a fault")
         choose(page, "speed", "1 ×")  # faster, the turn might end between two reads
         press(page, "Start")
-        until(lambda: number(page, "time") < paused_s, "another flight", DEADLINE_S)
-        until(lambda: "turning 360°" in row(page, "doing"), "in the air again", DEADLINE_S)
+        until(lambda: number(page, "time") < paused_s, "another flight")
+        until(lambda: "turning 360°" in row(page, "doing"), "in the air again")
         press(page, "Take over")
-        until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over", DEADLINE_S)
+        until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over")
 
 
 def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> None:
@@ -139,7 +138,7 @@ def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> N
         choose(page, "autopilot", "px4")
         choose(page, "speed", "all")
         press(page, "Start")
-        until(lambda: walls_m(page) > 1, "the first wall", DEADLINE_S)
+        until(lambda: walls_m(page) > 1, "the first wall")
         assert number(page, "battery") > 50
         assert number(page, "height") == pytest.approx(1.2, abs=0.5)
         for plot in ("ranges, m", "heading, °", "gyro bias, °/s"):
@@ -169,7 +168,7 @@ def settled(page: Page) -> float:
         page.wait_for_timeout(400)
         return number(page, "time") == seen[-1]
 
-    until(has_stopped, "a pause", DEADLINE_S)
+    until(has_stopped, "a pause")
     return seen[-1]
 
 
@@ -180,12 +179,12 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
     with simulator(browser, str(recording)) as page:
         expect(page.get_by_role("button", name="Download map")).to_be_enabled()
         press(page, "Play")
-        until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
+        until(lambda: walls_m(page) > 5, "walls")
         fill(page, "time, s", f"{end_s:.1f}")
-        until(lambda: row(page, "doing") == "mission complete", "its end", DEADLINE_S)
+        until(lambda: row(page, "doing") == "mission complete", "its end")
         assert row(page, "walls mapped").startswith(f"{len(flight.plan.walls)},")
         fill(page, "time, s", "5")
-        until(lambda: number(page, "time") < 6, "its beginning", DEADLINE_S)
+        until(lambda: number(page, "time") < 6, "its beginning")
 
 
 def test_access_requires_the_token(browser: Browser, tmp_path: Path) -> None:
@@ -211,11 +210,11 @@ def test_the_page_shows_a_flying_drone(browser: Browser, tmp_path: Path) -> None
     with running_sitl("--speed", "10") as (_, mavlink_port, bus_port):
         drone = flying(mavlink_port, bus_port, tmp_path / "out", "--config", str(config))
         try:
-            until(lambda: is_listening(port), "the feed", DEADLINE_S)
+            until(lambda: is_listening(port), "the feed")
             command = companion("view", f"127.0.0.1:{port}", "--port", "0")
             with served(command) as address, opened(browser, address) as page:
-                until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
-                until(lambda: coloured(page, 0, 1) > 300, "the map is drawn", DEADLINE_S)
+                until(lambda: walls_m(page) > 5, "walls")
+                until(lambda: coloured(page, 0, 1) > 300, "the map is drawn")
                 assert page.get_by_role("button", name="Start").count() == 0
         finally:
             drone.kill()

@@ -24,8 +24,8 @@ from sitl.view.flight_messages import (
 from sitl.view.flight_process import FlightProcess
 from sitl.view.flying import serve
 from sitl.view.request import OWN_PROFILE, FlightRequest
+from tests.waiting import DEADLINE_S
 
-DEADLINE_S = 60
 FAST = 1000.0
 N = TypeVar("N", Seen, Refused, Ended)
 

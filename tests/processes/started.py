@@ -5,16 +5,11 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-PAUSE = threading.Event()
-"""Event that is never set: a wait for it is a pause."""
-DEADLINE_S = 120
-"""Time after which a process that hangs fails its test, s. Chosen: far more than any needs."""
+from tests.waiting import DEADLINE_S
 
 
 def sitl(*arguments: str) -> list[str]:
@@ -23,13 +18,6 @@ def sitl(*arguments: str) -> list[str]:
 
 def companion(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "companion", *arguments]
-
-
-def until(holds: Callable[[], bool], what: str, deadline_s: float) -> None:
-    end_s = time.monotonic() + deadline_s
-    while not holds():
-        assert time.monotonic() < end_s, f"{what} not within {deadline_s} s"
-        PAUSE.wait(0.05)
 
 
 def free_udp_port() -> int:

@@ -3,7 +3,8 @@
 import json
 import subprocess
 
-from tests.processes.started import DEADLINE_S, sitl
+from tests.processes.started import sitl
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 SEEDS = 40

@@ -7,11 +7,12 @@ from pathlib import Path
 
 from tests.processes.scoring import assert_good
 from tests.processes.started import companion, free_udp_port, read_until, sitl, started, stop
+from tests.waiting import DEADLINE_S
 
 SPEED = "1"
 SETTINGS = "[link]\nsetpoint_loss_s = 5"
 """Longer timeout: a busy machine may pause a process for longer than the default."""
-DEADLINE_S = 200
+
 ROOM = """
 name = "small"
 height_m = 2.6

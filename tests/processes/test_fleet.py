@@ -6,7 +6,8 @@ from pathlib import Path
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from tests.processes.scoring import assert_good
-from tests.processes.started import DEADLINE_S, companion, read_until, sitl, started, stop
+from tests.processes.started import companion, read_until, sitl, started, stop
+from tests.waiting import DEADLINE_S
 
 WORLD = """
 name = "neighbours"

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from companion.recording.reader import read
 from companion.run.unattended import EXIT_ENDED
-from tests.processes.started import DEADLINE_S, companion, flying, read_until, running_sitl
+from tests.processes.started import companion, flying, read_until, running_sitl
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 LARGEST_FILE = 400_000

@@ -23,7 +23,6 @@ from companion.recording.reader import read
 from companion.run.clocks import SystemClock
 from companion.run.unattended import EXIT_ENDED
 from tests.processes.started import (
-    DEADLINE_S,
     companion,
     free_udp_port,
     read_until,
@@ -31,6 +30,7 @@ from tests.processes.started import (
     started,
     stop,
 )
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 WATCHDOG_S = 2.0

@@ -11,7 +11,8 @@ import pytest
 import companion
 from companion import connect
 from companion.core.errors import ConfigError, SensorError
-from tests.processes.started import DEADLINE_S, read_until, running_sitl, started
+from tests.processes.started import read_until, running_sitl, started
+from tests.waiting import DEADLINE_S
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 # Restores Ctrl-C: a shell that runs the tests in the background ignores the signal.

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.started import DEADLINE_S, companion, running_sitl, sitl
+from tests.processes.started import companion, running_sitl, sitl
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 

@@ -15,14 +15,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import UdpTransport
 from companion.run.unattended import EXIT_ENDED
-from tests.processes.started import DEADLINE_S, companion, flying, read_until, running_sitl, sitl
+from tests.processes.started import companion, flying, read_until, running_sitl, sitl
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 
 def ask(mavlink_port: str, message: Any, system_id: int) -> float:
     """The value in the PARAM_VALUE from the vehicle of that system id."""
     station = UdpTransport(f"udpout:127.0.0.1:{mavlink_port}", 255, 190)
-    deadline_s = time.monotonic() + 10
+    deadline_s = time.monotonic() + DEADLINE_S
     try:
         while time.monotonic() < deadline_s:
             station.send(message)

@@ -12,7 +12,6 @@ import pytest
 from sitl.testing.fuzz import bus_request, foreign_frame
 from tests.processes.scoring import assert_good
 from tests.processes.started import (
-    DEADLINE_S,
     companion,
     free_udp_port,
     read_until,
@@ -20,6 +19,7 @@ from tests.processes.started import (
     started,
     stop,
 )
+from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 MIN_FRAMES, MIN_CONNECTIONS = 2000, 100

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 from sitl.autopilot.parameters.table import load_table
-from tests.processes.started import PAUSE, free_udp_port, until, vehicle_at
+from tests.processes.started import free_udp_port, vehicle_at
+from tests.waiting import DEADLINE_S, PAUSE, until
 
-DEADLINE_S = 60
 SCRIPT = Path(sysconfig.get_path("scripts")) / "mavproxy.py"
 CHANGE_MODE = {"ardupilot": ("mode GUIDED", "Mode GUIDED"), "px4": ("long 176 1 3", "Mode POSCTL")}
 """Mode by number for PX4: MAVProxy 1.8 does not handle the names of its modes."""
@@ -53,7 +53,7 @@ class MavProxy:
         return words in printed or words.replace("\n", "> ", 1) in printed
 
     def prints(self, words: str) -> None:
-        until(lambda: self.has_printed(words), f"MAVProxy's {words!r}", DEADLINE_S)
+        until(lambda: self.has_printed(words), f"MAVProxy's {words!r}")
 
     def insists(self, line: str, words: str) -> None:
         """Type the line once a second until this answer: the estimator must settle first."""
@@ -94,7 +94,7 @@ def test_mavproxy_connects_reads_parameters_changes_mode_and_arms(
     mavproxy.prints("Detected vehicle 1:1")
     mavproxy.prints(f"Received {len(load_table(firmware))} parameters\n")
     mavproxy.types(f"param save {tmp_path / 'all.parm'}")
-    until((tmp_path / "all.parm").exists, "the parameters' file", DEADLINE_S)
+    until((tmp_path / "all.parm").exists, "the parameters' file")
     command, answer = CHANGE_MODE[firmware]
     mavproxy.types(command)
     mavproxy.prints(answer)

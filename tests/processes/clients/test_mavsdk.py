@@ -8,7 +8,8 @@ from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.offboard import Offboard, VelocityBodyYawspeed
 from mavsdk.plugins.telemetry import Telemetry
 
-from tests.processes.started import PAUSE, free_udp_port, until, vehicle_at
+from tests.processes.started import free_udp_port, vehicle_at
+from tests.waiting import DEADLINE_S, PAUSE, until
 
 
 @pytest.fixture(params=["ardupilot", "px4"])
@@ -19,7 +20,7 @@ def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[Action, Offboard, 
     try:
         with vehicle_at(port, request.param):
             station.add_any_connection(f"udpin://127.0.0.1:{port}")
-            system = station.first_autopilot(15.0)
+            system = station.first_autopilot(DEADLINE_S)
             assert system is not None
             telemetry = Telemetry(system)
             for rate in ("health", "in_air", "landed_state", "position_velocity_ned"):
@@ -42,9 +43,9 @@ def test_mavsdk_connects_arms_takes_off_flies_and_lands(
     vehicle: tuple[Action, Offboard, Telemetry],
 ) -> None:
     action, offboard, telemetry = vehicle
-    until(lambda: origin_is_taken(action), "origin", 15)
-    until(lambda: telemetry.health().is_local_position_ok, "local position", 10)
-    until(lambda: telemetry.health().is_armable, "armable", 10)
+    until(lambda: origin_is_taken(action), "origin")
+    until(lambda: telemetry.health().is_local_position_ok, "local position")
+    until(lambda: telemetry.health().is_armable, "armable")
 
     def height_m() -> float:
         return -float(telemetry.position_velocity_ned().position.down_m)
@@ -52,8 +53,8 @@ def test_mavsdk_connects_arms_takes_off_flies_and_lands(
     action.set_takeoff_altitude(1.5)
     action.arm()
     action.takeoff()
-    until(lambda: height_m() > 1.3, "height", 20)
-    until(lambda: bool(telemetry.in_air()), "in the air", 10)
+    until(lambda: height_m() > 1.3, "height")
+    until(lambda: bool(telemetry.in_air()), "in the air")
 
     offboard.set_velocity_body(VelocityBodyYawspeed(0.0, 0.0, 0.0, 0.0))
     PAUSE.wait(1.5)  # PX4 requires a stream before the mode
@@ -64,10 +65,10 @@ def test_mavsdk_connects_arms_takes_off_flies_and_lands(
         velocity = telemetry.position_velocity_ned().velocity
         return float((velocity.north_m_s**2 + velocity.east_m_s**2) ** 0.5)
 
-    until(lambda: speed_m_s() > 0.3, "speed", 10)
+    until(lambda: speed_m_s() > 0.3, "speed")
     assert offboard.is_active()
     action.land()
-    until(lambda: not telemetry.armed(), "disarmed", 25)
+    until(lambda: not telemetry.armed(), "disarmed")
 
 
 def test_arming_before_readiness_is_refused_with_the_reason(
@@ -81,4 +82,4 @@ def test_arming_before_readiness_is_refused_with_the_reason(
             action.arm()
         return "AHRS" in telemetry.status_text().text
 
-    until(reports_why, "the reason", 5)
+    until(reports_why, "the reason")

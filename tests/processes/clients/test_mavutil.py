@@ -8,9 +8,8 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.parameters.table import load_table
-from tests.processes.started import free_udp_port, until, vehicle_at
-
-DEADLINE_S = 15
+from tests.processes.started import free_udp_port, vehicle_at
+from tests.waiting import DEADLINE_S, until
 
 
 @contextmanager
@@ -39,7 +38,7 @@ def fetches_all_parameters(vehicle: Any, firmware: str) -> None:
     table = load_table(firmware)
     vehicle.param_fetch_all()
     last = {"param_count": len(table), "param_index": len(table) - 1}
-    until(lambda: receives(vehicle, "PARAM_VALUE", **last), "the last parameter", DEADLINE_S)
+    until(lambda: receives(vehicle, "PARAM_VALUE", **last), "the last parameter")
     assert set(vehicle.params) - {"_HASH_CHECK"} == set(table)
 
 
@@ -49,7 +48,7 @@ def enters(vehicle: Any, mode: str) -> None:
         return bool(vehicle.flightmode == mode)
 
     vehicle.set_mode(mode)
-    until(is_entered, mode, DEADLINE_S)
+    until(is_entered, mode)
 
 
 def is_armed(vehicle: Any, *, armed: bool) -> bool:
@@ -69,16 +68,16 @@ def test_mavutil_sets_up_and_arms_ardupilot() -> None:
         fetches_all_parameters(vehicle, "ardupilot")
         vehicle.param_set_send("GUID_TIMEOUT", 0.5)
         answer = {"param_id": "GUID_TIMEOUT", "param_value": 0.5}
-        until(lambda: receives(vehicle, "PARAM_VALUE", **answer), "the parameter", DEADLINE_S)
+        until(lambda: receives(vehicle, "PARAM_VALUE", **answer), "the parameter")
         for mode in ("LOITER", "GUIDED"):
             assert mode in vehicle.mode_mapping()
             enters(vehicle, mode)
-        until(lambda: has_origin(vehicle), "the origin", DEADLINE_S)
+        until(lambda: has_origin(vehicle), "the origin")
         vehicle.arducopter_arm()
-        until(lambda: is_armed(vehicle, armed=True), "armed", DEADLINE_S)
+        until(lambda: is_armed(vehicle, armed=True), "armed")
         vehicle.motors_armed_wait()
         vehicle.arducopter_disarm()
-        until(lambda: is_armed(vehicle, armed=False), "disarmed", DEADLINE_S)
+        until(lambda: is_armed(vehicle, armed=False), "disarmed")
 
 
 def test_mavutil_sets_up_and_arms_px4() -> None:
@@ -86,14 +85,14 @@ def test_mavutil_sets_up_and_arms_px4() -> None:
     rejected = {"result": mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
     with connected("px4") as vehicle:
         fetches_all_parameters(vehicle, "px4")
-        until(lambda: has_origin(vehicle), "the origin", DEADLINE_S)
+        until(lambda: has_origin(vehicle), "the origin")
         enters(vehicle, "OFFBOARD")  # disarmed it accepts any mode, but arming is rejected
         vehicle.mav.command_long_send(1, 1, *arm)  # without a stream of setpoints
         assert receives(vehicle, "COMMAND_ACK", command=arm[0], **rejected)
         for mode in ("POSCTL", "LOITER"):
             enters(vehicle, mode)
         vehicle.mav.command_long_send(1, 1, *arm)
-        until(lambda: is_armed(vehicle, armed=True), "armed", DEADLINE_S)
+        until(lambda: is_armed(vehicle, armed=True), "armed")
         vehicle.set_mode("OFFBOARD")
         assert receives(vehicle, "COMMAND_ACK", command=176, **rejected)
         assert is_armed(vehicle, armed=True)

@@ -15,11 +15,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.errors import LinkError
 from companion.link.signing import RESERVE, TICKS_PER_S, Signing, load_signing
 from companion.link.transports.transport import decode, make_codec
-from tests.processes.started import until
+from tests.waiting import DEADLINE_S, until
 
 KEY, OTHER_KEY = b"k" * 32, b"x" * 32
 NOW_S = 1.8e9
-DEADLINE_S = 10.0
 
 
 def at(time_s: float) -> Callable[[], float]:
@@ -118,7 +117,7 @@ def test_time_stamp_is_written_once_a_minute_not_with_every_frame(tmp_path: Path
     for _ in range(600):
         now_s[0] += 0.2
         stamps(signing, 10)
-        until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
+        until(lambda: int(kept.read_text()) > signing.timestamp, "it is written")
         written.add(kept.read_text())
         assert 0 < int(kept.read_text()) - signing.timestamp <= RESERVE
     assert 2 <= len(written) <= 4
@@ -174,7 +173,7 @@ def test_a_failed_medium_is_reported_once_and_the_time_stamp_continues(
     for _ in range(10):
         now_s[0] += 30
         used += stamps(signing, 3)
-    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told")
     used += stamps(signing, 3)
     assert used == sorted(set(used))
     assert len(warnings) == 1
@@ -189,7 +188,7 @@ def test_in_flight_a_failed_medium_is_reported_and_not_refused(
     warnings: list[str] = []
     fails(monkeypatch, "open", number)
     signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), warnings.append, refuses=False)
-    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told")
 
 
 @pytest.mark.parametrize("text", ["", "torn", "-1"])
@@ -214,7 +213,7 @@ def test_a_medium_that_hangs_does_not_block(
         stamps(signing, 1)
     assert int(kept.read_text()) < signing.timestamp
     answers.set()
-    until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
+    until(lambda: int(kept.read_text()) > signing.timestamp, "it is written")
 
 
 # The key

@@ -5,9 +5,11 @@ import sys
 
 import pytest
 
+from tests.waiting import DEADLINE_S
+
 pytestmark = pytest.mark.processes
 
-DEADLINE_S = 60
+
 WITHOUT_VISER = "import sys; sys.modules['viser'] = None; from {}.commands.cli import main; main()"
 
 

@@ -5,7 +5,7 @@ import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Queue
-from threading import Event, Thread
+from threading import Thread
 
 import pytest
 
@@ -27,12 +27,11 @@ from companion.pdps.flight.state import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
+from tests.waiting import DEADLINE_S, PAUSE
 
 TOKEN = "0123456789abcdef"
-DEADLINE_S = 10
 WALL = WallSegment((0.0, 1.0), (2.0, 1.0), 0.02, 40, 0.01)
 INPUTS = Inputs(Telemetry(VehicleState()), [], RangeScan(0.0, {}))
-PAUSE = Event()
 
 
 class Mapping(App):

@@ -17,9 +17,9 @@ from companion.core.errors import ViewError
 from companion.view.access.guard import Guard
 from companion.view.access.secret import answer, is_loopback, read_token
 from companion.view.access.server import PageServer, open_page
+from tests.waiting import DEADLINE_S
 
 TOKEN = "0123456789abcdef"
-TIMEOUT_S = 10
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def get(
     server: PageServer, path: str = "/", headers: Mapping[str, str] | None = None
 ) -> tuple[int, Message]:
     """Status and headers of a response."""
-    connection = HTTPConnection("127.0.0.1", server.get_port(), timeout=TIMEOUT_S)
+    connection = HTTPConnection("127.0.0.1", server.get_port(), timeout=DEADLINE_S)
     with closing(connection):
         connection.request("GET", path, headers=dict(headers or {}))
         with connection.getresponse() as response:
@@ -73,7 +73,7 @@ def open_socket(
             origin=Origin(origin) if origin else None,
             additional_headers=dict(headers or {}),
             subprotocols=[Subprotocol("viser-v0")],
-            open_timeout=TIMEOUT_S,
+            open_timeout=DEADLINE_S,
         ):
             return 101
     except InvalidStatus as refused:
