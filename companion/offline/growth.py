@@ -2,9 +2,8 @@
 
 The smoother needs initial walls. Therefore the record is processed in stages. The next keyframes
 are predicted by odometry and gyro with the present corrections. Their hits are associated with the
-present walls, new walls are detected in the remaining hits, and all is solved. A long flight is
-solved as a whole each time it has grown. In between only its last part is solved, with the rest as
-a marginal prior.
+present walls, new walls are detected in the remaining hits, and all is solved: the whole flight, or
+its last part (`WindowSchedule`).
 """
 
 import math
@@ -15,7 +14,7 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
-from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
+from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.smoother import WHOLE, Smoother
@@ -28,17 +27,15 @@ from companion.estimation.smoothing.state import (
     reach_m,
     to_ned,
 )
+from companion.estimation.smoothing.window_schedule import WindowSchedule, prior_frame
 
 STAGE_M = 1.5
 STAGE_RAD = math.radians(45)
 STAGE_KEYFRAMES = 25
 """A stage ends after this path length, m, this turn, rad, or this number of keyframes. Chosen."""
-WHOLE_KEYFRAMES = 300
-"""Up to this length the whole is solved at every stage, keyframes. Chosen."""
-WINDOW_KEYFRAMES = 120
-"""The last part begins this many keyframes before the new ones. Chosen."""
-GROWN_BY = 1.2
-"""A longer flight is solved as a whole each time it has grown by this factor. Chosen."""
+SHORT_KEYFRAMES = 300
+"""A shorter flight is solved as a whole at every stage, keyframes. Chosen: rows of a log may be a
+metre apart, so a short part has too few hits."""
 DETECTION_KEYFRAMES = 80
 """Walls are detected in hits of this many keyframes. Chosen: dead reckoning is accurate over
 them."""
@@ -80,7 +77,7 @@ class IncrementalMap:
         self._m = m
         self._start = smoother.from_start(start)
         self._prior = self._start
-        self._whole_frames = 0
+        self._schedule = WindowSchedule(SHORT_KEYFRAMES)
         self.x = Unknowns.at(start.reshape(1, 3).copy(), 0.0)
         self.wall_of: Indices = np.empty(0, dtype=np.int64)
         self.estimate: Estimate | None = None
@@ -90,10 +87,7 @@ class IncrementalMap:
         frames = len(self._m.dt_s) + 1
         for end in stages(self._m):
             self.extend(end)
-            if end <= WHOLE_KEYFRAMES or end >= GROWN_BY * self._whole_frames:
-                self._solve_whole(STAGE_GATES)
-            else:
-                self._solve_part()
+            self._solve(is_whole=self._schedule.is_whole(end))
             watch(end / frames)
 
     def extend(self, end: int) -> None:
@@ -158,23 +152,16 @@ class IncrementalMap:
         motion = self.smoother.motion(no_walls, self._m)
         return math.sqrt(motion.squares / max(motion.rows - 2 * len(self._m.dt_s), 1))
 
-    def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
-        m = self._m.between(0, len(self.x.poses))
-        self._accept(self.smoother.smooth(self.x, m, self._start, gates), m, self._start)
-        self._whole_frames = len(self.x.poses)
-
-    def _solve_part(self) -> None:
-        """Solve the new keyframes and some before them."""
-        first = self._prior.frame
-        m = self._m.between(first, len(self.x.poses))
-        part = self.smoother.smooth(self.x.since(first), m, self._prior, STAGE_GATES)
-        self._accept(part, m, self._prior)
-
-    def _accept(self, found: Estimate, m: Measured, prior: MarginalPrior) -> None:
-        """Accept an estimate that begins at the prior's keyframe. Advance the prior if possible."""
-        frame = len(found.x.poses) - WINDOW_KEYFRAMES
-        if frame > 0:
+    def _solve(self, *, is_whole: bool) -> None:
+        """Solve the whole, or its last part. Move the prior if it is due."""
+        prior = self._start if is_whole else self._prior
+        m = self._m.between(prior.frame, len(self.x.poses))
+        found = self.smoother.smooth(self.x.since(prior.frame), m, prior, STAGE_GATES)
+        frame = prior_frame(len(found.x.poses), is_whole=is_whole)
+        if frame is not None:
             self._prior, found = self.smoother.marginalize_before(frame, found, m, prior)
+            if is_whole:
+                self._schedule.solved_whole(len(self.x.poses))
         self._store(found, prior.frame)
 
     def _store(self, found: Estimate, since: int = 0) -> None:

@@ -1,16 +1,4 @@
-"""Smooths in flight, in pieces of some milliseconds a tick, repeated every few seconds.
-
-The whole flight is solved each time it has grown by a quarter. In between only its last part is
-solved, with the rest as a marginal prior:
-
-    |---------------- whole -----------------|
-                                    |prior ends here
-                                    |-- part --|
-                                    |----- part -----|
-    |------------------------- whole ------------------------|
-
-So the cost per second of flight is bounded.
-"""
+"""Smooths in flight, in pieces of some milliseconds a tick, repeated every few seconds."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -26,18 +14,15 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoothing.smoother import FLYING_GATES, Smoother
 from companion.estimation.smoothing.state import BIAS, POSE_SIZE, YAW, Unknowns
+from companion.estimation.smoothing.window_schedule import WindowSchedule, prior_frame
 
 PERIOD_S = 4.0
 """Interval of the solutions, s. Chosen."""
-GROWN_BY = 1.25
-"""Growth of the flight after which the whole is solved again. Chosen."""
 SHORT_KEYFRAMES = 150
 """A shorter flight is always solved as a whole, keyframes. Chosen."""
 FLYING_SUPPORT = Support(extent_m=0.6)
 """Minimum support of walls in flight. Chosen: of a short obstacle possibly only one side has been
 measured, and a wrong line would bias the pose."""
-OVERLAP_KEYFRAMES = 100
-"""The last part overlaps the whole by this many keyframes. Chosen."""
 MAX_WHOLE_KEYFRAMES = 1800
 """Longest flight solved as a whole, keyframes: six minutes. Chosen: later only parts are fast
 enough."""
@@ -73,7 +58,7 @@ class InFlightSmoothing:
         self._work: Generator[None, None, WindowResult] | None = None
         self._due_s = PERIOD_S
         self._prior: MarginalPrior | None = None
-        self._whole_keyframes = 0
+        self._schedule = WindowSchedule(SHORT_KEYFRAMES, MAX_WHOLE_KEYFRAMES)
 
     def step(
         self, now_s: float, record: FlightRecord, walls: Callable[[], Walls]
@@ -98,9 +83,7 @@ class InFlightSmoothing:
         if not len(walls.lines):
             return
         record.thin()
-        count = len(record.frames)
-        is_whole = self._prior is None or count < SHORT_KEYFRAMES
-        is_whole |= GROWN_BY * self._whole_keyframes < count < MAX_WHOLE_KEYFRAMES
+        is_whole = self._schedule.is_whole(len(record.frames))
         self._work = self._smoothing(record, walls, is_whole)
 
     def _smoothing(
@@ -123,13 +106,12 @@ class InFlightSmoothing:
         estimate = yield from HypothesisSearch(
             smoother, part, prior, FLYING_GATES
         ).in_flight_search(estimate)
-        length = len(x.poses)
-        if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
+        frame = prior_frame(len(x.poses), is_whole=is_whole)
+        if frame is not None:
             yield
-            self._prior, estimate = smoother.marginalize_before(
-                length - OVERLAP_KEYFRAMES, estimate, part, prior
-            )
-            self._whole_keyframes = len(poses) if is_whole else self._whole_keyframes
+            self._prior, estimate = smoother.marginalize_before(frame, estimate, part, prior)
+            if is_whole:
+                self._schedule.solved_whole(len(poses))
         return WindowResult(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
 
 
