@@ -51,6 +51,41 @@ class Rig:
     reports: Reports
 
 
+class ControlLoop:
+    """The control loop of one flight; its caller waits for the time of each tick."""
+
+    def __init__(
+        self,
+        app: App,
+        rig: Rig,
+        watch: Callable[[Progress], None],
+        land_requested: Callable[[], bool] = lambda: False,
+        record: Record = record_nothing,
+        *,
+        orders: Callable[[], Order | None] = lambda: None,
+    ) -> None:
+        self._app, self._rig = app, rig
+        self._watch, self._record = watch, record
+        self._land_requested, self._orders = land_requested, orders
+        self._tick = 0
+
+    def tick(self, began_s: float) -> float | None:
+        """Run the tick that began at this time, s; return the time of the next, or None at the end."""
+        rig = self._rig
+        inputs, now_s = _read(rig, began_s, self._land_requested(), self._orders())
+        outputs = self._app.step(now_s, inputs)
+        rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
+        flight = outputs.flight
+        texts = flight.activity, flight.trouble, flight.notice
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *texts))
+        self._record(now_s, inputs, outputs)
+        self._watch(outputs.progress)
+        if outputs.finished:
+            return None
+        self._tick = max(self._tick + 1, int(began_s / TICK_S))
+        return self._tick * TICK_S
+
+
 def fly(
     app: App,
     rig: Rig,
@@ -61,22 +96,11 @@ def fly(
     orders: Callable[[], Order | None] = lambda: None,
 ) -> FlightState:
     """Run the flight until it ends for any reason; returns its final state."""
-    now_s = rig.clock.wait_until(0.0)
-    tick = 0
-    while True:
-        began_s = now_s
-        inputs, now_s = _read(rig, began_s, land_requested(), orders())
-        outputs = app.step(now_s, inputs)
-        rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
-        flight = outputs.flight
-        texts = flight.activity, flight.trouble, flight.notice
-        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *texts))
-        record(now_s, inputs, outputs)
-        watch(outputs.progress)
-        if outputs.finished:
-            return app.flight
-        tick = max(tick + 1, int(began_s / TICK_S))
-        now_s = rig.clock.wait_until(tick * TICK_S)
+    loop = ControlLoop(app, rig, watch, land_requested, record, orders=orders)
+    due_s: float | None = 0.0
+    while due_s is not None:
+        due_s = loop.tick(rig.clock.wait_until(due_s))
+    return app.flight
 
 
 def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inputs, float]:

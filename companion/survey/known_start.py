@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from companion.core.arrays import Array
+from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import moved_to
 from companion.estimation.smoothing.state import Unknowns
@@ -20,7 +21,6 @@ from companion.survey.flights import (
     off_the_pad,
     worst_misfit,
 )
-from companion.survey.placement import refined_start
 
 
 def solved_from_pad(

@@ -14,9 +14,9 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.frames import moved, wrap_rad
+from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.state import YAW
 from companion.survey.evidence import Evidence, Sight, evidence
-from companion.survey.placement import refined_start
 
 MAX_PIECES = 24
 """Longest pieces of wall of each map that propose starts. Chosen: 166 000 pairs of pairs."""
