@@ -13,6 +13,7 @@ from functools import cache, cached_property, partial
 
 from companion.config.settings import Config, SensorsConfig
 from companion.core.arrays import Array
+from companion.core.frames import frd_to_ned
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -48,6 +49,7 @@ from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.flight import phases
 from companion.pdps.flight.state import (
+    COLUMN_PHASES,
     FINAL_PHASES,
     UNARMED_PHASES,
     FlightAction,
@@ -55,11 +57,16 @@ from companion.pdps.flight.state import (
     Phase,
     TickInput,
 )
+from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S
 from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
+from companion.safety.separation import OtherDrone, climb_limits, keep_off, without_others
 from companion.safety.velocity_guard import clear_of_all_m
+from companion.team.flight_state import state_of
+from companion.team.sharing import OwnMap
+from companion.team.team import Team, slot_height_m
 
 EXPLORING_PHASES = frozenset(
     {
@@ -94,6 +101,8 @@ class Inputs:
     land_requested: bool = False
     order: Order | None = None
     """Order of a script; None to fly the whole mission."""
+    team: tuple[bytes, ...] = ()
+    """Packets of the teammates."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +143,8 @@ class Outputs:
     flight: FlightState
     scan: RangeScan
     """Range readings after validation."""
+    team: tuple[bytes, ...] = ()
+    """Packets for the teammates."""
 
     @property
     def finished(self) -> bool:
@@ -144,7 +155,10 @@ class App:
     """The state and the control loop of one flight."""
 
     def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
-        self._config = config
+        height_m = slot_height_m(config.mission.height_m, config.team)
+        mission = config.mission.model_copy(update={"height_m": height_m})
+        self._config = config.model_copy(update={"mission": mission})
+        self._team = Team(config.team) if config.team.name else None
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)
@@ -185,9 +199,10 @@ class App:
         inputs = self._check(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
         self._predict(inputs)
-        inputs = self._unfold(inputs)
+        others = self._hear(now_s, inputs)
+        inputs = self._unfold(self._without_others(now_s, inputs, others))
         pose = self._estimate(now_s, inputs)
-        action = self._decide(now_s, inputs, pose)
+        action = self._decide(now_s, inputs, pose, others)
         self._health.asked(now_s, action.setpoint)
         self._lag.ask(now_s, action.setpoint)
         known = pose if self.estimator else None
@@ -198,6 +213,7 @@ class App:
             self._report(now_s),
             self.flight,
             inputs.scan,
+            self._tell(now_s, pose, inputs.telemetry.vehicle.battery),
         )
 
     def _check(self, now_s: float, inputs: Inputs) -> Inputs:
@@ -236,6 +252,40 @@ class App:
         drift = Drift(model.step_variance_m2_per_s, model.wander_m)
         self._obstacles.turn_to(reckoned.yaw_rad)
         self._obstacles.move_to(reckoned.ne_m, self.estimator.velocity_frd_m_s, drift)
+
+    def _hear(self, now_s: float, inputs: Inputs) -> tuple[OtherDrone, ...]:
+        """Take the teammates' packets; return the teammates in the air."""
+        if self._team is None or self.estimator is None:
+            return ()
+        self._team.hear(now_s, inputs.team, self.estimator.mapped_walls)
+        return self._team.others(now_s)
+
+    def _without_others(
+        self, now_s: float, inputs: Inputs, others: tuple[OtherDrone, ...]
+    ) -> Inputs:
+        """Remove readings that may be of a teammate instead of a wall."""
+        if not others or self.estimator is None:
+            return inputs
+        pose = self.estimator.pose(now_s)
+        scan = without_others(inputs.scan, pose, others, self._bearings_frd_rad)
+        return replace(inputs, scan=scan)
+
+    def _tell(self, now_s: float, pose: Pose, battery: float | None) -> tuple[bytes, ...]:
+        """Packets for the teammates."""
+        if self._team is None or self.estimator is None:
+            return ()
+        own = OwnMap(self.space, self.estimator.record.poses, self.estimator.mapped_walls)
+        velocity = frd_to_ned(*self.estimator.velocity_frd_m_s, pose.yaw_rad)
+        state = partial(
+            state_of,
+            self.flight,
+            now_s,
+            pose,
+            velocity,
+            battery=battery,
+            received=self._team.received,
+        )
+        return self._team.tell(now_s, state, own)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
@@ -277,11 +327,13 @@ class App:
                 self.space.add(rays(pose, scan, self._units), keyframes)
         self.space.advance()
 
-    def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> FlightAction:
+    def _decide(
+        self, now_s: float, inputs: Inputs, pose: Pose, others: tuple[OtherDrone, ...]
+    ) -> FlightAction:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
-        around = self._around(pose)
+        around = self._around(pose, others)
         view = TickInput(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -299,6 +351,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
+                self._team.claims(now_s) if self._team else (),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -318,15 +371,25 @@ class App:
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
 
-    def _around(self, pose: Pose) -> Surroundings:
-        """Recent obstacle points near the drone, and older ones from the map."""
+    def _around(self, pose: Pose, others: tuple[OtherDrone, ...]) -> Surroundings:
+        """Recent obstacle points near the drone, older ones from the map, and teammates."""
         around = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
-        return replace(around, recalled_frd_m=recalled)
+        if not others:
+            return replace(around, recalled_frd_m=recalled)
+        needs_column = self.flight.phase in COLUMN_PHASES
+        others_frd_m, keep_off_m = keep_off(others, pose, needs_column)
+        return replace(
+            around,
+            recalled_frd_m=recalled,
+            others_frd_m=others_frd_m,
+            others_keep_off_m=keep_off_m,
+            climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
+        )
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self.space.grid
+        grid = self._team.joined(self.space.grid) if self._team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]

@@ -42,6 +42,8 @@ MissionKind = Literal["room", "building", "exterior", "layers"]
 MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
 STANDOFFS = ("range", "accurate")
 """Named stand-offs of `mission.standoff`."""
+MAX_DRONES = 8
+"""Most drones of a team. Chosen."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 """Bounds of `mission.standoff`, m. Chosen."""
 
@@ -203,6 +205,43 @@ class ViewConfig(Group):
     """File with the token that viewers need, mode 600. Required unless HOST is 127.0.0.1."""
 
 
+class PadConfig(Group):
+    """Where a drone of a team starts, in the frame of the first drone's start."""
+
+    north_m: float = Field(0.0, ge=-1000, le=1000)
+    """Distance ahead of the first drone, m."""
+    east_m: float = Field(0.0, ge=-1000, le=1000)
+    """Distance to the right of the first drone, m."""
+    heading_deg: float = Field(0.0, ge=-360, le=360)
+    """Heading relative to that of the first drone, clockwise."""
+
+
+class TeamConfig(Group):
+    """The drones that fly together."""
+
+    name: str = Field("", pattern=r"^[A-Za-z0-9_-]{0,32}$")
+    """Name of the team. Drones of one name share their maps. Empty: the drone flies alone."""
+    drone: int = Field(1, ge=1, le=MAX_DRONES)
+    """Number of this drone in `pads`, from 1 on."""
+    pads: tuple[PadConfig, ...] = Field((PadConfig(),), max_length=MAX_DRONES)
+    """Start of each drone of the team."""
+    pad_sigma_m: float = Field(0.1, gt=0, le=1)
+    """Standard deviation of a start from its pad, on each axis, m."""
+    pad_sigma_deg: float = Field(3.0, gt=0, le=20)
+    """Standard deviation of its heading."""
+    slot_spacing_m: float = Field(0.7, ge=0.6, le=3)
+    """Height between two drones: drone N flies (N - 1) times so much above `mission.height_m`."""
+
+    @model_validator(mode="after")
+    def _check_pads(self) -> Self:
+        if self.name and self.drone > len(self.pads):
+            raise ValueError(
+                f"drone {self.drone} has no start: team.pads has {len(self.pads)} entries; "
+                "give one for each drone"
+            )
+        return self
+
+
 class Config(Group):
     """The whole configuration file."""
 
@@ -211,6 +250,7 @@ class Config(Group):
     mission: MissionConfig = MissionConfig()
     recording: RecordingConfig = RecordingConfig()
     view: ViewConfig = ViewConfig()
+    team: TeamConfig = TeamConfig()
 
     @model_validator(mode="after")
     def _check_serial_ports(self) -> Self:

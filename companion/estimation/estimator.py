@@ -390,6 +390,13 @@ class Estimator:
             for wall in self.slam.walls
         )
 
+    def mapped_walls(self) -> Unknowns:
+        """All walls, for the alignment with the maps of teammates."""
+        walls = self._walls()
+        x = Unknowns.at(np.zeros((1, 3)), self.models.rest_bias_rad_s)
+        x.add_walls(walls.lines, walls.reach_m)
+        return x
+
     def _walls(self) -> Walls:
         """All walls, for the smoother."""
         lines = np.array([self.slam.line(wall) for wall in self.slam.walls]).reshape(-1, 2)

@@ -34,7 +34,8 @@ RAYS_PER_STAGE = 500
 """Rays between two stages. Chosen."""
 MAX_STAGES = 12
 """Most stages stored. Chosen."""
-_KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(8)
+RAY_COLUMNS = 8
+_KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(RAY_COLUMNS)
 """Columns of a stored ray. Offset and bearing are relative to the keyframe."""
 
 
@@ -50,7 +51,7 @@ class RedrawnGrid:
         self._stages: list[tuple[int, Occupancy]] = [(0, self.grid.copy())]
         self._dropped: list[Array] = []
         """Oldest rays, which are not redrawn in flight any more."""
-        self._rays = np.empty((256, 8))
+        self._rays = np.empty((256, RAY_COLUMNS))
         self._count = 0
         self._drawn: Array = np.empty((0, 3))
         """The keyframes at the time their rays were drawn."""
@@ -59,8 +60,7 @@ class RedrawnGrid:
         """Add readings taken shortly after the last keyframe."""
         if not len(keyframes) or not rays:
             return
-        if len(keyframes) > len(self._drawn):
-            self._drawn = np.vstack([self._drawn, keyframes[len(self._drawn) :]])
+        self._know(keyframes)
         north_m, east_m, yaw_rad = keyframes[-1].tolist()
         for ray in rays:
             origin_north_m, origin_east_m = ray.origin_ne_m
@@ -74,6 +74,16 @@ class RedrawnGrid:
                 float(ray.is_hit),
                 ray.time_s,
             )
+
+    def extend(self, rays: Array, keyframes: Array) -> None:
+        """Add rays (r, 8) as `rays_from` returns them; their keyframes are the last of (k, 3)."""
+        self._know(keyframes)
+        for row in rays.tolist():
+            self._keep(*row)
+
+    def _know(self, keyframes: Array) -> None:
+        if len(keyframes) > len(self._drawn):
+            self._drawn = np.vstack([self._drawn, keyframes[len(self._drawn) :]])
 
     def _keep(self, *row: float) -> None:
         if self._count >= MAX_RAYS and self._canvas is self.grid:
@@ -121,6 +131,18 @@ class RedrawnGrid:
     def rays(self) -> Array:
         """(r, 8): all rays of the flight, for `draw_onto`."""
         return np.concatenate([*self._dropped, self._rays[: self._count]])
+
+    @property
+    def ray_count(self) -> int:
+        """Number of rays of the flight."""
+        return sum(map(len, self._dropped)) + self._count
+
+    def rays_from(self, first: int, count: int) -> Array:
+        """(count, 8): consecutive rays of the flight, from number `first` on."""
+        before = sum(map(len, self._dropped))
+        if first >= before:
+            return self._rays[first - before : first - before + count]
+        return self.rays[first : first + count]
 
     def advance(self) -> None:
         """Draw the next rays if there are enough."""

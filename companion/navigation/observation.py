@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
 
+from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -15,6 +16,17 @@ from companion.core.messages import (
 )
 from companion.core.values import value
 from companion.safety.swept_space import Lane, all_swept
+
+
+@value
+class Claim:
+    """What a teammate goes to look at, in this drone's frame."""
+
+    places_ne_m: tuple[Vector2, ...]
+    arrives_in_s: float
+    """Time until it can see them, s."""
+    comes_first: bool
+    """Of two drones that arrive at the same time, it goes on."""
 
 
 @value
@@ -48,6 +60,9 @@ class Observation:
     is_gap_doubtful: bool = False
     """True if the drone has stayed near an obstacle that it cannot measure there, for so long that
     it may have drifted against it (`obstacle_memory.py`)."""
+
+    claims: tuple[Claim, ...] = ()
+    """What the teammates go to look at."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

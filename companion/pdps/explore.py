@@ -5,10 +5,13 @@
     LOOK ────────────────► CHOOSE ──────────────► GO
      ▲                      │   ▲                 │ │
      │          no target   │   └─────────────────┘ │
-     │                      ▼   no path, or targets │
-     │                     DONE seen from the path  │
+     │                      ▼   no path, targets    │
+     │                     DONE seen from the path, │
+     │                          or a teammate goes  │
      └──────────────────────────────────────────────┘
             near the viewpoint, targets still unseen
+
+    CHOOSE ─► WAIT ─► CHOOSE: teammates look at all that is left; what they see may open more
 
 The drone rarely stops. The swing of its nose shows the space ahead and beside the path. For the
 remaining targets it turns while it flies the last metres, only as far as one of three beams needs.
@@ -40,11 +43,12 @@ from companion.navigation.grid_planner import (
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M
 from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
+from companion.pdps.claims import is_claimed
 from companion.pdps.frontiers import Places, still_unseen
 from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
 from companion.pdps.viewpoints import Viewpoint, looks
-from companion.safety.control_laws import glide
+from companion.safety.control_laws import glide, stay
 from companion.safety.velocity_guard import clear_of_all_m
 
 FIRST_LOOK_RAD = math.tau
@@ -62,6 +66,8 @@ GLIDE_SHARE = 0.6
 the path then."""
 CHECK_S = 1.0
 """Period of checking which targets are still unseen, s. Chosen."""
+WAIT_S = 1.0
+"""Time of waiting before the next choice, s. Chosen."""
 WORTH_SHARE = 0.35
 """If a smaller share of the targets is left, the next viewpoint is selected. Chosen."""
 
@@ -72,6 +78,7 @@ class ExplorePhase(enum.Enum):
     LOOK = "looking round"
     CHOOSE = "choosing where to look from"
     GO = "going to where something is unseen"
+    WAIT = "waiting for what teammates find"
     DONE = "all that can be reached was seen"
 
 
@@ -102,7 +109,9 @@ class Explore:
     came: Travel | None = None
     """The last journey."""
     checked_s: float = 0.0
-    """Time of the last check of the targets, s."""
+    """Time of the last check of the targets, s; in WAIT, of its begin."""
+    arrives_s: float = 0.0
+    """Expected time of arrival at the viewpoint, s."""
 
     @property
     def known_doorways(self) -> tuple[Doorway, ...]:
@@ -144,8 +153,17 @@ def step(
             return chosen, _meanwhile(explore, observation, space, plan)
         case ExplorePhase.GO:
             return _go(explore, observation, space, plan)
+        case ExplorePhase.WAIT:
+            return _wait(explore, observation)
         case ExplorePhase.DONE:
             return explore, HOLD
+
+
+def _wait(explore: Explore, observation: Observation) -> tuple[Explore, Setpoint]:
+    here = explore.here_ne_m or observation.pose.ne_m
+    if observation.pose.time_s - explore.checked_s > WAIT_S or not observation.claims:
+        explore = replace(_to_choose(explore, None), here_ne_m=here)
+    return explore, stay(here, observation.pose)
 
 
 def _look(
@@ -231,9 +249,15 @@ def _choose(
         found = looks(explore.ways, observation, plan, explore.tried)
         found = found or ties(explore.ways, observation, plan, explore.tried)
         found = found or again(explore.ways, observation, plan, explore.tried)
-        if not found:
-            return replace(explore, phase=ExplorePhase.DONE)
-        return replace(explore, looks=found)
+        ways, claims = explore.ways, observation.claims
+        left = tuple(
+            look for look in found if not is_claimed(look, _arrives_in_s(ways, look, plan), claims)
+        )
+        if left:
+            return replace(explore, looks=left)
+        if claims:
+            return _to_wait(explore, observation)
+        return replace(explore, phase=ExplorePhase.DONE)
     places = tuple(look.from_ne_m for look in explore.looks)
     look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
     going = onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
@@ -243,6 +267,22 @@ def _choose(
         look=look,
         tried=explore.tried,
         checked_s=observation.pose.time_s,
+        arrives_s=observation.pose.time_s + _arrives_in_s(explore.ways, look, plan),
+    )
+
+
+def _arrives_in_s(ways: ShortestPaths, look: Viewpoint, plan: MissionConfig) -> float:
+    """Expected time to a viewpoint, s."""
+    return float(ways.metres[ways.ground.grid.cell(look.from_ne_m)]) / plan.speed_m_s
+
+
+def _to_wait(explore: Explore, observation: Observation) -> Explore:
+    """Enters WAIT, at the place where the drone is."""
+    here, now_s = observation.pose.ne_m, observation.pose.time_s
+    last = explore.travel or explore.came
+    came = None if last is None else replace(last, course=None)
+    return Explore(
+        ExplorePhase.WAIT, here_ne_m=here, tried=explore.tried, came=came, checked_s=now_s
     )
 
 
@@ -270,6 +310,9 @@ def _go(
     if is_due and travel.in_the_open(observation, space):
         left = _left_of(look, space)
         explore = replace(explore, checked_s=now_s)
+        if is_claimed(look, max(explore.arrives_s - now_s, 0.0), observation.claims):
+            chooses = replace(_to_choose(explore, None), travel=going)
+            return chooses, _meanwhile(chooses, observation, space, plan)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):
             seen = tuple(place for place in look.at_ne_m if place not in left)
             chooses = replace(_to_choose(explore, replace(look, at_ne_m=seen)), travel=going)

@@ -22,9 +22,16 @@ from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.recording.room import refuse_no_room
 from companion.run.clocks import Clock, open_clock
 from companion.run.loop import Rig
+from companion.team.radio import NoRadio, TeamRadio
 
 
-def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -> Rig:
+def make_rig(
+    config: Config,
+    transport: Transport,
+    wires: Wires,
+    clock: Clock,
+    radio: TeamRadio | None = None,
+) -> Rig:
     """Create sensors, gyro and link; sensors of the autopilot receive their data from the link.
 
     Raises:
@@ -39,7 +46,8 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
         listeners.append(gyro)
     link = Link(transport, config.link, listeners)
     reports = Reports(config.link, range_models(config.sensors))
-    return Rig(link, ranges, calibrated(gyro, config.sensors), clock, reports)
+    sensors = ranges, calibrated(gyro, config.sensors)
+    return Rig(link, *sensors, clock, reports, radio or NoRadio())
 
 
 @contextmanager

@@ -5,7 +5,7 @@ Only the clock, the link's transport and the bus differ, and these are parameter
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from companion.app import App, Inputs, Outputs, Progress
@@ -16,6 +16,7 @@ from companion.link.reports import Reports
 from companion.pdps.flight.state import FlightState
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
+from companion.team.radio import NoRadio, TeamRadio
 
 READ_S = 0.06
 """Maximum time to read one kind of input, s.
@@ -49,6 +50,7 @@ class Rig:
     gyro: Gyro
     clock: Clock
     reports: Reports
+    team: TeamRadio = field(default_factory=NoRadio)
 
 
 class ControlLoop:
@@ -70,7 +72,7 @@ class ControlLoop:
         self._tick = 0
 
     def tick(self, began_s: float) -> float | None:
-        """Run the tick that began at this time, s; return the time of the next, or None at the end."""
+        """Run the tick that began now, s; return the time of the next, or None at the end."""
         rig = self._rig
         inputs, now_s = _read(rig, began_s, self._land_requested(), self._orders())
         outputs = self._app.step(now_s, inputs)
@@ -78,6 +80,7 @@ class ControlLoop:
         flight = outputs.flight
         texts = flight.activity, flight.trouble, flight.notice
         rig.link.transmit(rig.reports.due(now_s, outputs.scan, *texts))
+        rig.team.send(outputs.team)
         self._record(now_s, inputs, outputs)
         self._watch(outputs.progress)
         if outputs.finished:
@@ -120,4 +123,5 @@ def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inpu
         samples = []
     if ranges_read_s - gyro_read_s > READ_S:
         scan = replace(scan, readings=dict.fromkeys(scan.readings, STALE))
-    return Inputs(telemetry, samples, scan, land, order), ranges_read_s
+    packets = rig.team.receive()
+    return Inputs(telemetry, samples, scan, land, order, packets), ranges_read_s

@@ -25,7 +25,7 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
-from companion.safety.control_laws import BODY_RADIUS_M
+from companion.safety.control_laws import BODY_RADIUS_M, MAX_CLIMB_M_S
 from companion.safety.drift import NO_DRIFT, Drift
 from companion.safety.fold_back import ALIAS_M, KNOWN_M, FoldBackDetector
 from companion.safety.obstacle_points import (
@@ -86,6 +86,12 @@ class Surroundings:
     """(n,), or (1,) for all: sigma of the drone's drift since each point was detected, m."""
     recalled_frd_m: Array = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2), m: older obstacles, at their positions in the map."""
+    others_frd_m: Array = field(default_factory=lambda: np.empty((0, 2)))
+    """(d, 2), m: teammates to keep away from."""
+    others_keep_off_m: Array = field(default_factory=lambda: np.empty(0))
+    """(d,): distance to keep from each, between the centres, m."""
+    climb_limits_m_s: Vector2 = (-MAX_CLIMB_M_S, MAX_CLIMB_M_S)
+    """Least and greatest down velocity that keeps teammates clear, m/s."""
     lane: Callable[[float], Lane] = all_swept
     """Returns the swept part of the path at a bearing, rad, FRD."""
     is_among_legs: bool = False

@@ -41,6 +41,8 @@ GIVE_WAY_GAIN_1_S = 0.8
 """Speed away from an obstacle per missing clearance, 1/s. Chosen."""
 MAX_GIVE_WAY_M_S = 0.15
 """Maximum speed away from an obstacle, and to the middle of a passage, m/s. Chosen."""
+MAX_GIVE_WAY_TO_DRONES_M_S = 0.5
+"""Maximum speed away from a teammate, m/s. Chosen."""
 PASSAGE_CLEARANCE_M = 0.14
 """Minimum clearance between the body and either side of a passage, m. Chosen."""
 PASSAGE_SLACK_M = 0.02
@@ -100,7 +102,7 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     points = around.points_frd_m
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
-    bounds = _by_points(around, clearance_m, passage), _by_recalled(around)
+    bounds = _by_points(around, clearance_m, passage), _by_recalled(around), _by_others(around)
     towards = np.concatenate([each.towards for each in bounds])
     max_m_s = np.concatenate([each.max_m_s for each in bounds])
     sigma_m = np.concatenate([each.sigma_m for each in bounds])
@@ -165,6 +167,15 @@ def _by_recalled(around: Surroundings) -> _Bounds:
     keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
     max_m_s = _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around))
     return _Bounds(towards, max_m_s, np.full_like(away_m, CELL_M))
+
+
+def _by_others(around: Surroundings) -> _Bounds:
+    """Speed limits of teammates; negative where one is too near."""
+    towards, away_m = _towards(around.others_frd_m)
+    left_m = away_m - around.others_keep_off_m - _stopping_m(towards, around)
+    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_TO_DRONES_M_S)
+    max_m_s = np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way)
+    return _Bounds(towards, max_m_s, np.full_like(away_m, POINT_M))
 
 
 def _towards(points: Array) -> tuple[Array, Array]:

@@ -133,7 +133,9 @@ def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
     down_m_s = climb_to(height_m, view.observation.pose.height_m)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
-    return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
+    least_m_s, most_m_s = view.around.climb_limits_m_s
+    least_m_s = max(least_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
+    return max(min(down_m_s, most_m_s), least_m_s)
 
 
 def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:

@@ -1,0 +1,35 @@
+"""Divides the viewpoints between the drones of a team: who sees it first, goes.
+
+A drone tells its teammates what it goes to look at, and when it will be there. A viewpoint whose
+targets a teammate sees sooner is left to it. Of two drones that are equally soon, the first by
+number goes. Both decide by the same rule, so no leader is needed.
+"""
+
+import numpy as np
+
+from companion.core.frames import to_nearest_m
+from companion.navigation.observation import Claim
+from companion.pdps.viewpoints import Viewpoint
+
+SAME_M = 1.0
+"""A target is the same as a teammate's within this distance, m. Chosen: the error of the alignment,
+and of the targets on two maps."""
+SAME_SHARE = 0.5
+"""A viewpoint with more than this share of its targets claimed is claimed. Chosen."""
+EQUALLY_SOON_S = 2.0
+"""Two drones are equally soon within this time, s. Chosen."""
+
+
+def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) -> bool:
+    """True if a teammate sees the targets of a viewpoint sooner than this drone."""
+    return any(_is_same(look, claim) and _is_sooner(claim, arrives_in_s) for claim in claims)
+
+
+def _is_same(look: Viewpoint, claim: Claim) -> bool:
+    apart_m = to_nearest_m(np.array(look.at_ne_m), np.array(claim.places_ne_m))
+    return float((apart_m < SAME_M).mean()) > SAME_SHARE
+
+
+def _is_sooner(claim: Claim, arrives_in_s: float) -> bool:
+    ahead_s = arrives_in_s - claim.arrives_in_s
+    return ahead_s > EQUALLY_SOON_S or (claim.comes_first and ahead_s >= -EQUALLY_SOON_S)

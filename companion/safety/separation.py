@@ -1,0 +1,134 @@
+"""Keeps drones of a team apart.
+
+Each drone has a height slot of its own. Where two drones are not far enough apart in height,
+because one climbs or descends, or the ceiling is low, they keep apart horizontally. One of them has
+the right of way: it keeps a distance at which both are safe. The other gives way earlier, so that
+only it turns aside.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from companion.core.arrays import Array
+from companion.core.frames import Vector2, along, points_to_frd
+from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeScan, RangeState
+from companion.core.values import value
+from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
+
+MIN_VERTICAL_M = 0.55
+"""Two drones at least so far apart in height pass each other freely, m. Chosen: less than a slot,
+by the errors of two heights; the bodies are 0.15 m apart."""
+KEEP_OFF_M, YIELD_M = 0.9, 1.4
+"""Horizontal distance between the centres that a drone with the right of way keeps, and one
+without, m. Chosen: the bodies are 0.5 m apart at the first."""
+MASK_M = 0.15
+"""A beam that passes a teammate's body within this distance may have met it, m, beside three sigmas
+of its position. Chosen."""
+MASK_SIGMAS = 3.0
+
+
+@value
+class OtherDrone:
+    """A teammate near this drone, in this drone's frame."""
+
+    ne_m: Vector2
+    height_m: float
+    velocity_ne_m_s: Vector2
+    sigma_m: float
+    """Of its position relative to this drone, on each axis."""
+    needs_column: bool
+    """It climbs or descends: the space above and below it must be free."""
+    has_right_of_way: bool
+    """By the order of the drones' numbers."""
+
+
+def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[Array, Array]:
+    """Positions (n, 2) of the teammates to keep away from, body FRD, and the distances (n,), m."""
+    near = [each for each in others if _is_at_height(each, pose.height_m, needs_column)]
+    places = np.array([each.ne_m for each in near]).reshape(-1, 2) - pose.ne_m
+    distances = [
+        (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.sigma_m for each in near
+    ]
+    return points_to_frd(places, pose.yaw_rad), np.array(distances)
+
+
+def _is_at_height(other: OtherDrone, height_m: float, needs_column: bool) -> bool:
+    if other.needs_column or needs_column:
+        return True
+    return abs(other.height_m - height_m) < MIN_VERTICAL_M
+
+
+def _must_yield(other: OtherDrone, needs_column: bool) -> bool:
+    """True if this drone gives way. A drone in its column has the right of way over all others."""
+    if other.needs_column != needs_column:
+        return other.needs_column
+    return other.has_right_of_way
+
+
+def climb_limits(
+    others: Sequence[OtherDrone], pose: Pose, max_climb_m_s: float, lag_s: float
+) -> tuple[float, float]:
+    """Least and greatest down velocity, m/s, with which the drone stays clear in height."""
+    up_m_s = down_m_s = max_climb_m_s
+    for other in others:
+        if math.dist(other.ne_m, pose.ne_m) > YIELD_M + other.sigma_m:
+            continue
+        apart_m = other.height_m - pose.height_m
+        free_m_s = max(approach_speed(abs(apart_m) - MIN_VERTICAL_M, max_climb_m_s, lag_s), 0.0)
+        if apart_m > 0:
+            up_m_s = min(up_m_s, free_m_s)
+        else:
+            down_m_s = min(down_m_s, free_m_s)
+    return -up_m_s, down_m_s
+
+
+def is_column_free(others: Sequence[OtherDrone], ne_m: Vector2) -> bool:
+    """True if no flying teammate is near the column over a place."""
+    return all(math.dist(other.ne_m, ne_m) > KEEP_OFF_M + other.sigma_m for other in others)
+
+
+def without_others(
+    scan: RangeScan,
+    pose: Pose,
+    others: Sequence[OtherDrone],
+    bearings_frd_rad: Mapping[Beam, float],
+) -> RangeScan:
+    """The scan without readings that may be of a teammate's body instead of a wall."""
+    if not others:
+        return scan
+    kept = {
+        beam: reading
+        for beam, reading in scan.readings.items()
+        if reading.state is RangeState.NOTHING
+        or not any(
+            _may_meet(beam, reading.distance_m, pose, each, bearings_frd_rad) for each in others
+        )
+    }
+    return RangeScan(scan.time_s, kept)
+
+
+def _may_meet(
+    beam: Beam,
+    distance_m: float,
+    pose: Pose,
+    other: OtherDrone,
+    bearings_frd_rad: Mapping[Beam, float],
+) -> bool:
+    reach_m = BODY_RADIUS_M + MASK_M + MASK_SIGMAS * other.sigma_m
+    above_m = other.height_m - pose.height_m
+    aside_m = math.dist(other.ne_m, pose.ne_m)
+    if beam in (Beam.UP, Beam.DOWN):
+        away_m = above_m if beam is Beam.UP else -above_m
+        return aside_m < reach_m and away_m > 0 and not distance_m < away_m - reach_m
+    if abs(above_m) > BODY_RADIUS_M + MASK_M:
+        return False
+    end_ne_m = along(
+        pose.ne_m, pose.yaw_rad + bearings_frd_rad.get(beam, BEARING_FRD_RAD[beam]), 1.0
+    )
+    unit = end_ne_m[0] - pose.north_m, end_ne_m[1] - pose.east_m
+    off = other.ne_m[0] - pose.north_m, other.ne_m[1] - pose.east_m
+    ahead_m = off[0] * unit[0] + off[1] * unit[1]
+    beside_m = abs(off[0] * unit[1] - off[1] * unit[0])
+    return ahead_m > 0 and beside_m < reach_m and not distance_m < ahead_m - reach_m

@@ -1,0 +1,1 @@
+"""Drones that fly together: what they tell each other, and what each knows of the others."""

@@ -1,0 +1,37 @@
+"""The state that a drone tells its teammates, from the state of its flight."""
+
+from companion.core.frames import Vector2
+from companion.core.messages import Pose
+from companion.pdps.explore import ExplorePhase
+from companion.pdps.flight.state import COLUMN_PHASES, FLYING_PHASES, FlightState, Phase
+from companion.team.messages import State
+from companion.team.sharing import thinned
+
+
+def state_of(
+    flight: FlightState,
+    now_s: float,
+    pose: Pose,
+    velocity_ne_m_s: Vector2,
+    *,
+    battery: float | None,
+    received: dict[int, int],
+) -> State:
+    """The state of this drone. `received`: number of map pieces that it has of each teammate."""
+    building = flight.building
+    goes = flight.phase is Phase.BUILDING and building.phase is not ExplorePhase.DONE
+    look = building.look if goes and building.look and not building.look.is_extra else None
+    return State(
+        pose.ne_m,
+        pose.height_m,
+        pose.yaw_rad,
+        velocity_ne_m_s,
+        pose.position_sigma_m,
+        flight.phase.value,
+        flight.phase in FLYING_PHASES or flight.phase is Phase.LAND,
+        flight.phase in COLUMN_PHASES,
+        1.0 if battery is None else min(max(battery, 0.0), 1.0),
+        thinned(look.at_ne_m) if look else (),
+        max(building.arrives_s - now_s, 0.0) if look else 0.0,
+        received,
+    )

@@ -1,0 +1,137 @@
+"""Chooses what this drone tells its teammates, and when, within a limit of bytes per second.
+
+    State, WallLines, Keyframes   at their intervals; a lost one is replaced by the next
+    MapPiece                      in order; repeated until every teammate says that it has arrived
+
+So losses, delays and partitions of the radio cost time, and a drone that joins late gets all.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from companion.core.arrays import Array
+from companion.core.values import value
+from companion.estimation.smoothing.state import Unknowns
+from companion.mapping.redrawn_grid import RedrawnGrid
+from companion.team.messages import (
+    MAX_PLACES,
+    Body,
+    Keyframes,
+    MapPiece,
+    State,
+    WallLines,
+    pack_floats,
+    pack_rays,
+)
+
+STATE_PERIOD_S, WALLS_PERIOD_S, KEYFRAMES_PERIOD_S = 0.2, 2.0, 1.0
+"""Intervals of the messages, s. Chosen."""
+RAYS_PER_PIECE = 160
+"""Rays of a map piece: two seconds of four beams, 2 kB. Chosen."""
+KEYFRAMES_PER_BLOCK = 100
+"""Keyframes of a block, 1.2 kB. Chosen."""
+MAX_KEYFRAMES_PER_PIECE = 300
+"""A drone that stands still for longer than so many keyframes begins a new piece. Chosen."""
+MAX_WALLS = 400
+"""Most walls told. Chosen."""
+PIECES_BYTES_PER_S = 10_000.0
+"""Limit of the map pieces, bytes/s. Chosen: with the other messages 15 kB/s."""
+BURST_BYTES = 6_000.0
+"""Map pieces sent at once, bytes. Chosen."""
+REPEAT_S = 1.0
+"""A map piece is not repeated sooner, s. Chosen: longer than the way to a teammate and back."""
+
+
+@value
+class OwnMap:
+    """The map of this drone, in its frame."""
+
+    space: RedrawnGrid
+    keyframes: Array
+    """(k, 3): north, east, yaw."""
+    walls: Callable[[], Unknowns]
+    """Returns its walls; called only when they are needed."""
+
+
+class Sharing:
+    """The messages of one drone."""
+
+    def __init__(self) -> None:
+        self._state_s = self._walls_s = self._keyframes_s = -math.inf
+        self._next_block = 0
+        self._pieces: list[tuple[int, int]] = []
+        """First ray and number of rays of each piece."""
+        self._sent_s: list[float] = []
+        """Time when each piece was sent last, s."""
+        self._budget_bytes = 0.0
+        self._last_s = 0.0
+
+    def due(
+        self,
+        now_s: float,
+        state: Callable[[], State],
+        own: OwnMap,
+        arrived: Mapping[int, int],
+    ) -> Iterator[Body]:
+        """Messages to send now. `arrived`: number of pieces that each teammate in range has."""
+        if now_s - self._state_s >= STATE_PERIOD_S:
+            self._state_s = now_s
+            yield state()
+        if now_s - self._walls_s >= WALLS_PERIOD_S:
+            self._walls_s = now_s
+            known = own.walls()
+            yield WallLines(pack_floats(np.hstack([known.walls, known.reach_m])[:MAX_WALLS]))
+        if now_s - self._keyframes_s >= KEYFRAMES_PERIOD_S and len(own.keyframes):
+            self._keyframes_s = now_s
+            yield self._block(own.keyframes)
+        self._cut(own)
+        yield from self._due_pieces(now_s, own, arrived)
+
+    def _block(self, keyframes: Array) -> Keyframes:
+        """The next block of the trajectory; after the last one, the first."""
+        first = self._next_block if self._next_block < len(keyframes) else 0
+        self._next_block = first + KEYFRAMES_PER_BLOCK
+        return Keyframes(first, pack_floats(keyframes[first : self._next_block]))
+
+    def _cut(self, own: OwnMap) -> None:
+        """Cut new rays into pieces; the rest waits until there are enough."""
+        while True:
+            first = sum(self._pieces[-1]) if self._pieces else 0
+            if own.space.ray_count < first + RAYS_PER_PIECE:
+                return
+            keyframe = own.space.rays_from(first, RAYS_PER_PIECE)[:, 0]
+            count = int(np.searchsorted(keyframe, keyframe[0] + MAX_KEYFRAMES_PER_PIECE))
+            self._pieces.append((first, count))
+            self._sent_s.append(-math.inf)
+
+    def _due_pieces(
+        self, now_s: float, own: OwnMap, arrived: Mapping[int, int]
+    ) -> Iterator[MapPiece]:
+        """Pieces that a teammate misses, oldest first."""
+        earned_bytes = PIECES_BYTES_PER_S * (now_s - self._last_s)
+        self._budget_bytes = min(self._budget_bytes + earned_bytes, BURST_BYTES)
+        self._last_s = now_s
+        for number in range(min(arrived.values(), default=len(self._pieces)), len(self._pieces)):
+            if self._budget_bytes < 0:
+                return
+            if now_s - self._sent_s[number] < REPEAT_S:
+                continue
+            piece = self._piece(number, own)
+            self._sent_s[number] = now_s
+            self._budget_bytes -= len(piece.rays) + len(piece.poses)
+            yield piece
+
+    def _piece(self, number: int, own: OwnMap) -> MapPiece:
+        """A piece with the keyframes of its rays."""
+        rays = own.space.rays_from(*self._pieces[number])
+        first, last = int(rays[0, 0]), int(rays[-1, 0])
+        poses = own.keyframes[first : last + 1]
+        return MapPiece(number, first, pack_floats(poses), pack_rays(rays, first))
+
+
+def thinned(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """At most `MAX_PLACES` of the places, evenly."""
+    step = -(-len(places) // MAX_PLACES)
+    return places[::step] if step > 1 else places

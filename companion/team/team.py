@@ -1,0 +1,133 @@
+"""A drone's view of its team: what it hears, what it tells, and what follows for its flight.
+
+    packets ─► checked ─► Teammate ─► places of the others   ─► separation, masking of beams
+                             │      ─► what they go to see   ─► choice of the next viewpoint
+                             │      ─► space that they saw   ─► planning
+    own pose, map, target ─► Sharing ─► packets
+
+There is no leader. What a teammate says changes where this drone goes. It never makes this drone
+enter space that its own sensors have not measured.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from companion.config.settings import PadConfig, TeamConfig
+from companion.core.arrays import Array
+from companion.core.frames import ned_to_frd
+from companion.estimation.smoothing.state import Unknowns
+from companion.mapping.occupancy import Occupancy
+from companion.navigation.observation import Claim
+from companion.safety.separation import OtherDrone
+from companion.team.messages import (
+    Keyframes,
+    MapPiece,
+    Packet,
+    PacketError,
+    State,
+    WallLines,
+    decode,
+    encode,
+)
+from companion.team.sharing import OwnMap, Sharing
+from companion.team.teammate import Teammate
+
+
+class Team:
+    """All teammates of this drone."""
+
+    def __init__(self, config: TeamConfig, instance: int = 0) -> None:
+        """`instance` differs at each start of the program."""
+        self._config = config
+        self._instance = instance
+        self._sharing = Sharing()
+        self._sent = 0
+        self.dropped = 0
+        """Number of packets that could not be used."""
+        own = config.pads[config.drone - 1]
+        sigma = math.sqrt(2) * np.array(
+            [config.pad_sigma_m, config.pad_sigma_m, math.radians(config.pad_sigma_deg)]
+        )
+        self._mates = {
+            drone: Teammate(_relative(own, pad), sigma, comes_first=drone < config.drone)
+            for drone, pad in enumerate(config.pads, 1)
+            if drone != config.drone
+        }
+
+    def hear(self, now_s: float, packets: Sequence[bytes], walls: Callable[[], Unknowns]) -> None:
+        """Take the packets that have arrived; `walls` returns the walls of this drone."""
+        for data in packets:
+            try:
+                self._take(now_s, decode(data))
+            except PacketError:
+                self.dropped += 1
+        for mate in self._mates.values():
+            mate.refine(now_s, walls)
+            mate.advance()
+
+    def _take(self, now_s: float, packet: Packet) -> None:
+        if packet.team != self._config.name:
+            return
+        mate = self._mates.get(packet.drone)
+        if mate is None:
+            raise PacketError(f"from drone {packet.drone}")
+        if packet.instance != mate.instance:
+            mate.reset()
+            mate.instance = packet.instance
+        match packet.body:
+            case State():
+                mate.hear_state(now_s, packet.body)
+            case WallLines():
+                mate.hear_walls(packet.body)
+            case MapPiece():
+                mate.hear_piece(packet.body)
+            case Keyframes():
+                mate.hear_keyframes(packet.body)
+
+    def others(self, now_s: float) -> tuple[OtherDrone, ...]:
+        """The teammates in the air."""
+        found = (mate.drone(now_s) for mate in self._mates.values())
+        return tuple(each for each in found if each is not None)
+
+    def claims(self, now_s: float) -> tuple[Claim, ...]:
+        """What the teammates go to look at."""
+        found = (mate.claim(now_s) for mate in self._mates.values())
+        return tuple(each for each in found if each is not None)
+
+    def joined(self, grid: Occupancy) -> Occupancy:
+        """A grid with the space that the teammates have seen."""
+        return grid.joined([mate.grid for mate in self._mates.values()])
+
+    @property
+    def received(self) -> dict[int, int]:
+        """Number of map pieces that have arrived from each teammate."""
+        return {drone: mate.pieces for drone, mate in self._mates.items()}
+
+    def tell(self, now_s: float, state: Callable[[], State], own: OwnMap) -> tuple[bytes, ...]:
+        """The packets to send now."""
+        return tuple(self._packets(now_s, state, own))
+
+    def _packets(self, now_s: float, state: Callable[[], State], own: OwnMap) -> Iterator[bytes]:
+        arrived = {
+            drone: mate.state.received.get(self._config.drone, 0)
+            for drone, mate in self._mates.items()
+            if mate.state is not None and mate.is_heard(now_s)
+        }
+        for body in self._sharing.due(now_s, state, own, arrived):
+            packet = Packet(self._config.name, self._config.drone, self._instance, self._sent, body)
+            self._sent += 1
+            yield encode(packet)
+
+
+def slot_height_m(height_m: float, team: TeamConfig) -> float:
+    """Height at which a drone of a team flies, m, from that of the mission."""
+    return height_m + (team.drone - 1) * team.slot_spacing_m if team.name else height_m
+
+
+def _relative(own: PadConfig, other: PadConfig) -> Array:
+    """(3,): another pad in the frame of the own one: north, east, m, and heading, rad."""
+    yaw_rad = math.radians(own.heading_deg)
+    place = ned_to_frd(other.north_m - own.north_m, other.east_m - own.east_m, yaw_rad)
+    return np.array([*place, math.radians(other.heading_deg) - yaw_rad])

@@ -1,0 +1,189 @@
+"""What is known of one teammate: its state, its walls, and the space that it has seen.
+
+All that it sends is in its own frame. It is placed in this drone's frame by the start of the
+teammate: at first that of its pad, later that for which the walls of both agree best. The
+alignment corrects only how the teammate's map is placed. It never enters the estimate of this
+drone's pose, so nothing is counted twice.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from companion.core.arrays import Array
+from companion.core.frames import Vector2, frd_to_ned, moved
+from companion.estimation.placement import refined_start
+from companion.estimation.smoothing.state import YAW, Unknowns, to_ned
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.redrawn_grid import RedrawnGrid
+from companion.navigation.observation import Claim
+from companion.safety.separation import OtherDrone
+from companion.team.messages import (
+    Keyframes,
+    MapPiece,
+    PacketError,
+    State,
+    WallLines,
+    unpack_floats,
+    unpack_rays,
+)
+
+SILENT_S = 2.0
+"""After this time without a state, nothing is claimed by the teammate any more, s: ten states.
+Chosen."""
+LOST_S = 10.0
+"""After this time its place is unknown, s. Chosen."""
+SIGMA_M = 0.1
+"""Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
+MAX_PENDING = 400
+"""Most map pieces that wait for a missing one. Chosen: a flight of ten minutes has 300."""
+MAX_KEYFRAMES = 50_000
+"""Most keyframes. Chosen: a flight of an hour has 18,000."""
+REFINE_PERIOD_S = 4.0
+"""Interval between two alignments of the maps, s. Chosen."""
+MEASURED_BEFORE_S = 1.0
+"""Time of a teammate's readings on this drone's map, s: before all of its own."""
+
+
+class Teammate:
+    """One teammate."""
+
+    def __init__(self, start: Array, sigma: Array, *, comes_first: bool) -> None:
+        """`start` (3,): its pad in this drone's frame, north, east, m, and heading, rad.
+
+        `sigma` (3,): standard deviations of the start. `comes_first`: it has the right of way.
+        """
+        self._pad, self._sigma = start, sigma
+        self._comes_first = comes_first
+        self.instance = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all that an earlier start of its program has sent."""
+        self.start = self._pad.copy()
+        """(3,): where it began, in this drone's frame."""
+        self._is_aligned = False
+        self._refined_s = -math.inf
+        self.state: State | None = None
+        self._heard_s = -math.inf
+        self._walls: Unknowns | None = None
+        self._pending: dict[int, MapPiece] = {}
+        self.pieces = 0
+        """Number of map pieces that have arrived, from the first on."""
+        self._keyframes = np.empty((0, 3))
+        self._grid = RedrawnGrid()
+
+    def hear_state(self, now_s: float, state: State) -> None:
+        self.state, self._heard_s = state, now_s
+
+    def hear_walls(self, walls: WallLines) -> None:
+        """Take its walls.
+
+        Raises:
+            PacketError: they are invalid.
+        """
+        rows = unpack_floats(walls.rows, 4)
+        known = Unknowns.at(np.zeros((1, 3)), 0.0)
+        known.add_walls(rows[:, :2], rows[:, 2:])
+        self._walls = known
+
+    def hear_piece(self, piece: MapPiece) -> None:
+        """Take a piece of its map; pieces are drawn in their order.
+
+        Raises:
+            PacketError: it is invalid.
+        """
+        if self.pieces <= piece.number < self.pieces + MAX_PENDING:
+            self._pending[piece.number] = piece
+        while (next_piece := self._pending.pop(self.pieces, None)) is not None:
+            self._draw(next_piece)
+            self.pieces += 1
+
+    def _draw(self, piece: MapPiece) -> None:
+        poses = unpack_floats(piece.poses, 3)
+        if not len(poses) or piece.first > MAX_KEYFRAMES:
+            raise PacketError(f"{len(poses)} keyframes from {piece.first} on")
+        rays = unpack_rays(piece.rays, piece.first, len(poses), MEASURED_BEFORE_S)
+        known = self._keyframes[: piece.first]
+        between = np.repeat(poses[:1], piece.first - len(known), axis=0)  # without rays
+        self._keyframes = np.vstack([known, between, poses])
+        self._grid.extend(rays, self._placed())
+
+    def hear_keyframes(self, block: Keyframes) -> None:
+        """Take a corrected part of its trajectory.
+
+        Raises:
+            PacketError: it is invalid.
+        """
+        poses = unpack_floats(block.poses, 3)[: max(len(self._keyframes) - block.first, 0)]
+        if len(poses):
+            self._keyframes[block.first : block.first + len(poses)] = poses
+            self._grid.correct(self._placed())
+
+    def refine(self, now_s: float, walls: Callable[[], Unknowns]) -> None:
+        """Align the maps by the walls of both, if it is time; `walls` returns the own ones."""
+        if self._walls is None or now_s - self._refined_s < REFINE_PERIOD_S:
+            return
+        self._refined_s = now_s
+        known = walls()
+        if not len(known.walls) or not len(self._walls.walls):
+            return
+        self.start = refined_start(self._walls, known, self._pad, self._sigma)
+        self._is_aligned = True
+        self._grid.correct(self._placed())
+
+    def advance(self) -> None:
+        """Draw some of its rays."""
+        self._grid.advance()
+
+    @property
+    def grid(self) -> Occupancy:
+        """The space that it has seen, in this drone's frame."""
+        return self._grid.grid
+
+    def is_heard(self, now_s: float) -> bool:
+        """True if it was heard lately."""
+        return now_s - self._heard_s < SILENT_S
+
+    def drone(self, now_s: float) -> OtherDrone | None:
+        """Where it is; None if that is unknown, or if it stands on the ground."""
+        state, age_s = self.state, now_s - self._heard_s
+        if state is None or age_s > LOST_S or not state.is_flying:
+            return None
+        yaw_rad = float(self.start[YAW])
+        velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
+        north_m, east_m = self._in_own_frame(state.ne_m)
+        known_s = min(age_s, SILENT_S)
+        sigma_m = math.hypot(state.position_sigma_m, SIGMA_M)
+        if not self._is_aligned:
+            north_sigma_m, east_sigma_m, yaw_sigma_rad = self._sigma.tolist()
+            turned_m = yaw_sigma_rad * math.hypot(*state.ne_m)
+            sigma_m = math.hypot(sigma_m, north_sigma_m, east_sigma_m, turned_m)
+        return OtherDrone(
+            (north_m + velocity[0] * known_s, east_m + velocity[1] * known_s),
+            state.height_m,
+            velocity,
+            sigma_m,
+            state.needs_column,
+            self._comes_first,
+        )
+
+    def claim(self, now_s: float) -> Claim | None:
+        """What it goes to look at; None if nothing, or if it is not heard any more."""
+        state = self.state
+        if state is None or not self.is_heard(now_s) or not state.target:
+            return None
+        places = tuple(self._in_own_frame(place) for place in state.target)
+        left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
+        return Claim(places, left_s, self._comes_first)
+
+    def _in_own_frame(self, ne_m: Vector2) -> Vector2:
+        north_m, east_m, yaw_rad = self.start.tolist()
+        return moved((north_m, east_m), ne_m, yaw_rad)
+
+    def _placed(self) -> Array:
+        """(k, 3): its keyframes in this drone's frame."""
+        yaw = np.full(len(self._keyframes), self.start[YAW])
+        places = self.start[:YAW] + to_ned(self._keyframes[:, :YAW], yaw)
+        return np.column_stack([places, self._keyframes[:, YAW] + self.start[YAW]])
