@@ -62,11 +62,17 @@ from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
-from companion.safety.separation import OtherDrone, climb_limits, keep_off, without_others
+from companion.safety.separation import (
+    OtherDrone,
+    climb_limits,
+    keep_off,
+    lets_pass,
+    without_others,
+)
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.flight_state import state_of
 from companion.team.sharing import OwnMap
-from companion.team.team import Team, slot_height_m
+from companion.team.team import Team
 
 EXPLORING_PHASES = frozenset(
     {
@@ -155,9 +161,7 @@ class App:
     """The state and the control loop of one flight."""
 
     def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
-        height_m = slot_height_m(config.mission.height_m, config.team)
-        mission = config.mission.model_copy(update={"height_m": height_m})
-        self._config = config.model_copy(update={"mission": mission})
+        self._config = config
         self._team = Team(config.team) if config.team.name else None
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
@@ -258,7 +262,7 @@ class App:
         if self._team is None or self.estimator is None:
             return ()
         self._team.hear(now_s, inputs.team, self.estimator.mapped_walls)
-        return self._team.others(now_s)
+        return self._team.others(now_s, waits=self.flight.waits)
 
     def _without_others(
         self, now_s: float, inputs: Inputs, others: tuple[OtherDrone, ...]
@@ -384,6 +388,7 @@ class App:
             recalled_frd_m=recalled,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
+            lets_pass=lets_pass(others, pose, passes=self.flight.passes_above),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
 

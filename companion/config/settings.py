@@ -229,8 +229,6 @@ class TeamConfig(Group):
     """Standard deviation of a start from its pad, on each axis, m."""
     pad_sigma_deg: float = Field(3.0, gt=0, le=20)
     """Standard deviation of its heading."""
-    slot_spacing_m: float = Field(0.7, ge=0.6, le=3)
-    """Height between two drones: drone N flies (N - 1) times so much above `mission.height_m`."""
 
     @model_validator(mode="after")
     def _check_pads(self) -> Self:

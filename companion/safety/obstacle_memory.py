@@ -90,6 +90,8 @@ class Surroundings:
     """(d, 2), m: teammates to keep away from."""
     others_keep_off_m: Array = field(default_factory=lambda: np.empty(0))
     """(d,): distance to keep from each, between the centres, m."""
+    lets_pass: bool = False
+    """The drone is to be above a teammate that has the right of way."""
     climb_limits_m_s: Vector2 = (-MAX_CLIMB_M_S, MAX_CLIMB_M_S)
     """Least and greatest down velocity that keeps teammates clear, m/s."""
     lane: Callable[[float], Lane] = all_swept

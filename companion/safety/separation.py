@@ -1,9 +1,10 @@
 """Keeps drones of a team apart.
 
-Each drone has a height slot of its own. Where two drones are not far enough apart in height,
-because one climbs or descends, or the ceiling is low, they keep apart horizontally. One of them has
-the right of way: it keeps a distance at which both are safe. The other gives way earlier, so that
-only it turns aside.
+All fly at the height of the mission, so that all fit under the lintels of doors. Of two that meet,
+one has the right of way. The other climbs on the spot, if the ceiling allows it, and lets the first
+pass below. Until they are far enough apart in height, both keep apart horizontally: the one with
+the right of way at a distance at which both are safe, the other at a larger one, so that only it
+turns aside. A drone that takes off, descends or lands has the right of way over all others.
 """
 
 import math
@@ -17,12 +18,15 @@ from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeScan, Rang
 from companion.core.values import value
 from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
 
-MIN_VERTICAL_M = 0.55
-"""Two drones at least so far apart in height pass each other freely, m. Chosen: less than a slot,
-by the errors of two heights; the bodies are 0.15 m apart."""
+MIN_VERTICAL_M = 0.62
+"""Two drones at least so far apart in height pass each other freely, m. Chosen: the bodies are 0.22
+m apart."""
 KEEP_OFF_M, YIELD_M = 0.9, 1.4
 """Horizontal distance between the centres that a drone with the right of way keeps, and one
 without, m. Chosen: the bodies are 0.5 m apart at the first."""
+PASS_WITHIN_M, PASSED_AT_M = 0.3, 1.0
+"""A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
+and descends again beyond the second, m. Chosen."""
 MASK_M = 0.15
 """A beam that passes a teammate's body within this distance may have met it, m, beside three sigmas
 of its position. Chosen."""
@@ -67,6 +71,21 @@ def _must_yield(other: OtherDrone, needs_column: bool) -> bool:
     return other.has_right_of_way
 
 
+def lets_pass(others: Sequence[OtherDrone], pose: Pose, *, passes: bool) -> bool:
+    """True if the drone is to be above a teammate that has the right of way.
+
+    `passes`: it is there already.
+    """
+    within_m = YIELD_M + (PASSED_AT_M if passes else PASS_WITHIN_M)
+    return any(
+        each.has_right_of_way
+        and not each.needs_column
+        and each.height_m < pose.height_m + 0.5 * MIN_VERTICAL_M
+        and math.dist(each.ne_m, pose.ne_m) < within_m + each.sigma_m
+        for each in others
+    )
+
+
 def climb_limits(
     others: Sequence[OtherDrone], pose: Pose, max_climb_m_s: float, lag_s: float
 ) -> tuple[float, float]:
@@ -82,11 +101,6 @@ def climb_limits(
         else:
             down_m_s = min(down_m_s, free_m_s)
     return -up_m_s, down_m_s
-
-
-def is_column_free(others: Sequence[OtherDrone], ne_m: Vector2) -> bool:
-    """True if no flying teammate is near the column over a place."""
-    return all(math.dist(other.ne_m, ne_m) > KEEP_OFF_M + other.sigma_m for other in others)
 
 
 def without_others(

@@ -30,6 +30,7 @@ def state_of(
         flight.phase.value,
         flight.phase in FLYING_PHASES or flight.phase is Phase.LAND,
         flight.phase in COLUMN_PHASES,
+        flight.waits,
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
         thinned(look.at_ne_m) if look else (),
         max(building.arrives_s - now_s, 0.0) if look else 0.0,

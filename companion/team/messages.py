@@ -61,6 +61,8 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     is_flying: bool
     needs_column: bool
     """It climbs or descends: the space above and below it must be free."""
+    waits: bool
+    """It waits for others, and lets them pass."""
     battery: Annotated[float, Meta(ge=0, le=1)]
     target: Annotated[tuple[Place, ...], Meta(max_length=MAX_PLACES)]
     """Places that it goes to look at."""

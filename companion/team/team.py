@@ -86,9 +86,9 @@ class Team:
             case Keyframes():
                 mate.hear_keyframes(packet.body)
 
-    def others(self, now_s: float) -> tuple[OtherDrone, ...]:
-        """The teammates in the air."""
-        found = (mate.drone(now_s) for mate in self._mates.values())
+    def others(self, now_s: float, *, waits: bool) -> tuple[OtherDrone, ...]:
+        """The teammates in the air. `waits`: this drone waits, and lets all others pass."""
+        found = (mate.drone(now_s, other_waits=waits) for mate in self._mates.values())
         return tuple(each for each in found if each is not None)
 
     def claims(self, now_s: float) -> tuple[Claim, ...]:
@@ -119,11 +119,6 @@ class Team:
             packet = Packet(self._config.name, self._config.drone, self._instance, self._sent, body)
             self._sent += 1
             yield encode(packet)
-
-
-def slot_height_m(height_m: float, team: TeamConfig) -> float:
-    """Height at which a drone of a team flies, m, from that of the mission."""
-    return height_m + (team.drone - 1) * team.slot_spacing_m if team.name else height_m
 
 
 def _relative(own: PadConfig, other: PadConfig) -> Array:

@@ -146,8 +146,11 @@ class Teammate:
         """True if it was heard lately."""
         return now_s - self._heard_s < SILENT_S
 
-    def drone(self, now_s: float) -> OtherDrone | None:
-        """Where it is; None if that is unknown, or if it stands on the ground."""
+    def drone(self, now_s: float, *, other_waits: bool) -> OtherDrone | None:
+        """Where it is; None if that is unknown, or if it stands on the ground.
+
+        `other_waits`: this drone waits, and lets it pass.
+        """
         state, age_s = self.state, now_s - self._heard_s
         if state is None or age_s > LOST_S or not state.is_flying:
             return None
@@ -166,7 +169,7 @@ class Teammate:
             velocity,
             sigma_m,
             state.needs_column,
-            self._comes_first,
+            other_waits if state.waits != other_waits else self._comes_first,
         )
 
     def claim(self, now_s: float) -> Claim | None:

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from companion.commands.options import MissionSet
 from companion.commands.version import Version
-from companion.config.settings import MISSION_KINDS, mission_settings
+from companion.config.settings import MAX_DRONES, MISSION_KINDS, mission_settings
 from companion.core import terminal
 from companion.core.errors import CompanionError
 from companion.core.extras import needs_extra
@@ -265,6 +265,7 @@ def fly(
         str | None,
         typer.Option(help="With --sorties: the world from the second flight on.", metavar="WORLD"),
     ] = None,
+    team: Annotated[int, typer.Option(help="Drones that fly together.", min=1, max=MAX_DRONES)] = 1,
     report: Annotated[Path | None, typer.Option(help="File for the report, JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for all files of the flight.")] = None,
 ) -> None:
@@ -297,6 +298,8 @@ def fly(
     reported: dict[str, object] = {}
     if then and sorties == 1:
         raise SitlError("--then needs --sorties: the world changes between two flights")
+    if sorties > 1 and team > 1:
+        raise SitlError("--sorties and --team cannot be combined")
     if sorties > 1:
         if transport is not Transport.DIRECT or flown.events:
             raise SitlError("--sorties needs --transport direct, and a mission without events")
@@ -305,6 +308,14 @@ def fly(
         survey = fly_survey(options, settings, sorties, then=then, out=out, console=console)
         result, reported = survey.joint, survey.as_json()
         outputs += [partial(save, survey.merged.plan, out)] if out else []
+    elif team > 1:
+        if transport is not Transport.DIRECT or flown.events:
+            raise SitlError("--team needs --transport direct, and a mission without events")
+        from sitl.running.team import fly_team  # noqa: PLC0415
+
+        joint = fly_team(options, settings, team, out=out, console=console)
+        result, reported = joint.joint, joint.as_json()
+        outputs += [partial(save, joint.merged.plan, out)] if out else []
     elif transport is Transport.UDP:
         result = fly_in_two(
             options, flown, settings, speed, out=out or Path("out"), console=console

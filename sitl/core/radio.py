@@ -4,9 +4,10 @@ import heapq
 from collections.abc import Iterable
 from dataclasses import dataclass
 from random import Random
+from typing import Generic, TypeVar
 
-from companion.link.transports.transport import Message
-
+M = TypeVar("M")
+"""A message of any kind."""
 OUT_OF_ORDER_S = 0.06
 """Extra delay of a message that is overtaken by later ones, s. Chosen."""
 
@@ -25,27 +26,35 @@ NO_LINK_ERRORS = LinkErrors()
 """A perfect link."""
 
 
-class Radio:
+class Radio(Generic[M]):
     """One direction of a link."""
 
     def __init__(self, random: Random) -> None:
         self.errors = NO_LINK_ERRORS
         self._random = random
-        self._under_way: list[tuple[float, int, Message]] = []
+        self._under_way: list[tuple[float, int, M]] = []
         self._count = 0
 
-    def carry(self, messages: Iterable[Message], now_s: float) -> Iterable[Message]:
+    def carry(self, messages: Iterable[M], now_s: float) -> Iterable[M]:
         """Accept messages to send; return those that arrive by `now_s`."""
         if self.errors is NO_LINK_ERRORS and not self._under_way:
             return messages
+        self.launch(messages, now_s)
+        return self.arrived(now_s)
+
+    def launch(self, messages: Iterable[M], now_s: float) -> None:
+        """Accept messages to send."""
         for message in messages:
             self._launch(message, now_s)
+
+    def arrived(self, now_s: float) -> list[M]:
+        """Messages that arrive by `now_s`."""
         arrived = []
         while self._under_way and self._under_way[0][0] <= now_s:
             arrived.append(heapq.heappop(self._under_way)[2])
         return arrived
 
-    def _launch(self, message: Message, now_s: float) -> None:
+    def _launch(self, message: M, now_s: float) -> None:
         random, errors = self._random, self.errors
         if random.random() < errors.loss:
             return

@@ -7,8 +7,8 @@ from companion.link.signing import Signing, read_key
 from companion.link.transports.transport import AUTOPILOT_COMPONENT, UdpTransport
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.external.vehicle import COMPONENT, ExternalVehicle
-from sitl.running.fleet import Fleet, fleet_setups
 from sitl.running.server import Endpoint, listen
+from sitl.simulation.fleet import Fleet, fleet_setups
 from sitl.simulation.simulation import Setup
 
 ANY_PORT = 0

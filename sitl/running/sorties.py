@@ -186,7 +186,7 @@ class Sorties:
             outcome=app.flight,
             waited_s=waited_s,
         )
-        joint["return_m"] = round(max(_return_m(each) for each in truths), 4)
+        joint["return_m"] = round(max(return_m(each) for each in truths), 4)
         worlds = (self._setup.world, *(self._then,) * (len(truths) - 1))
         joint["clearance_open_m"] = min(map(least_clear_in_the_open_m, worlds, truths))
         return Sortie(_row(number, app, truths[-1], joint), joint, merged)
@@ -238,12 +238,12 @@ def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
         "flight_time_s": round(truth.air_time_s, 2),
         "collisions": truth.collisions,
         "clearance_m": round(truth.clearance_m, 4),
-        "return_m": round(_return_m(truth), 4),
+        "return_m": round(return_m(truth), 4),
         "coverage": joint["coverage"],
         "wall_error_aligned_cm": joint["wall_error_aligned_cm"],
     }
 
 
-def _return_m(truth: TruthRecord) -> float:
+def return_m(truth: TruthRecord) -> float:
     """Distance of the landing place from the take-off place of a flight, m."""
     return math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2])

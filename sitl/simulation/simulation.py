@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from companion.config.settings import SensorsConfig
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
-from companion.link.transports.transport import Transport
+from companion.link.transports.transport import Message, Transport
 from sitl.autopilot.core import FIRMWARES, FLIGHT_BATTERY_S, Autopilot, keep_nothing
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.firmware import boot_values, system_id
@@ -81,7 +81,7 @@ class Simulation:
         others: Others = no_others,
     ) -> None:
         self._transports = transports
-        self._radios = [
+        self._radios: list[tuple[Radio[Message], Radio[Message]]] = [
             (Radio(stream(setup.seed, f"uplink {link}")), Radio(stream(setup.seed, f"link {link}")))
             for link in range(len(transports))
         ]

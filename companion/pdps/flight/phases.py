@@ -48,7 +48,7 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import HOLD, Beam, Order, Task, VehicleState
+from companion.core.messages import HOLD, Beam, Order, Setpoint, Task, VehicleState
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
@@ -87,6 +87,12 @@ from companion.safety.control_laws import (
 )
 from companion.safety.velocity_guard import guarded
 
+ABOVE_LEVEL_M = 0.2
+"""Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
+PASSING_M = 0.75
+"""Climb of a drone that lets another one pass below, m. Chosen: beyond `MIN_VERTICAL_M`, by the
+errors of two heights."""
+
 
 def step(
     flight: FlightState, view: TickInput, plan: MissionConfig
@@ -104,7 +110,8 @@ def step(
         flight = _in_time(flight, view, plan)
     flight, action = _STEPS[flight.phase](flight, view, plan)
     if action.setpoint is not None and flight.phase in LEVEL_PHASES:
-        level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
+        flight, wanted = _let_pass(flight, view, plan, action.setpoint)
+        level = replace(wanted, down_m_s=_climb(flight, view, plan))
         action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
     return flight, action if _may_ask(flight, view.vehicle) else replace(action, command=None)
 
@@ -127,10 +134,27 @@ def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightS
     return None if flight.phase is Phase.CONNECT else not_to_be_armed(flight, view, plan)
 
 
+def _let_pass(
+    flight: FlightState, view: TickInput, plan: MissionConfig, wanted: Setpoint
+) -> tuple[FlightState, Setpoint]:
+    """Notes whether the drone is to be above a teammate. Until it is down again, it stays there.
+
+    Above the height of the mission the map is not valid, such as under a lintel.
+    """
+    passes = view.around.lets_pass and flight.phase is not Phase.DESCEND
+    if passes != flight.passes_above:
+        flight = replace(flight, passes_above=passes)
+    is_above = view.observation.pose.height_m > flight.layers.height_m(plan) + ABOVE_LEVEL_M
+    if flight.phase is Phase.DESCEND or not (passes or is_above):
+        return flight, wanted
+    return flight, Setpoint(yaw_rate_rad_s=wanted.yaw_rate_rad_s)
+
+
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity, m/s, that keeps the layer's height and the clearance to the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
+    height_m += PASSING_M if flight.passes_above else 0.0
     down_m_s = climb_to(height_m, view.observation.pose.height_m)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
     least_m_s, most_m_s = view.around.climb_limits_m_s

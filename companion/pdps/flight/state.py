@@ -13,7 +13,7 @@ from companion.navigation.energy_reserve import Reserve
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel
-from companion.pdps.explore import Explore
+from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.frontiers import Places
 from companion.pdps.layers import Layers
 from companion.pdps.room_scan_state import RoomScan
@@ -133,6 +133,8 @@ class FlightState:
     """Time since which the drone is at its height in TAKE_OFF, s."""
     land_mode_seen: bool = False
     """True once the autopilot has reported LAND."""
+    passes_above: bool = False
+    """True while the drone has climbed to let a teammate pass below."""
     obeyed: int = 0
     """Number of the last executed order."""
 
@@ -152,6 +154,13 @@ class FlightState:
         if self.completed:
             return "mission complete"
         return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
+
+    @property
+    def waits(self) -> bool:
+        """True while the drone waits for others, and lets them pass."""
+        explores = self.phase is Phase.BUILDING
+        is_waiting = explores and self.building.phase is ExplorePhase.WAIT
+        return is_waiting or self.phase in (Phase.HOVER, Phase.HOLD)
 
     @property
     def is_to_be_continued(self) -> bool:

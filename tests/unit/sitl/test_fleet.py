@@ -13,7 +13,7 @@ from companion.link.requests import command_long
 from companion.link.transports.transport import Transport, direct_pair
 from sitl.autopilot.core import keep_nothing
 from sitl.core.errors import SitlError
-from sitl.running.fleet import Fleet, fleet_setups
+from sitl.simulation.fleet import Fleet, fleet_setups
 from sitl.simulation.simulation import Setup
 from sitl.simulation.traffic import clearance_to_others_m, with_others
 from sitl.world.format import parse_world

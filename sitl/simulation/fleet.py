@@ -1,7 +1,9 @@
 """Runs several vehicles in one world, in common steps of 10 ms."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 from companion.core.frames import Vector3
 from companion.link.transports.transport import Transport
@@ -9,6 +11,7 @@ from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
 from sitl.core.vehicle import STEP_S
+from sitl.simulation.record import AIRBORNE_M
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.simulation.traffic import Others, no_others
 
@@ -52,6 +55,8 @@ class Fleet:
         watch: ParameterWatch,
     ) -> None:
         self.vehicles: list[Simulation] = []
+        self.least_apart_m = math.inf
+        """Smallest distance between the centres of two vehicles in the air, m."""
         for number, (setup, links) in enumerate(zip(setups, transports, strict=True)):
             others = self._others_of(number) if len(setups) > 1 else no_others
             self.vehicles.append(Simulation(setup, links, watch, others))
@@ -79,3 +84,10 @@ class Fleet:
             step_to_s = self.time_s + STEP_S
             for vehicle in self.vehicles:
                 vehicle.advance(step_to_s)
+            self._measure()
+
+    def _measure(self) -> None:
+        positions = (vehicle.autopilot.truth.position_ned_m for vehicle in self.vehicles)
+        airborne = [position for position in positions if -position[2] > AIRBORNE_M]
+        for one, other in combinations(airborne, 2):
+            self.least_apart_m = min(self.least_apart_m, math.dist(one, other))
