@@ -70,7 +70,7 @@ from companion.safety.separation import (
     without_others,
 )
 from companion.safety.velocity_guard import clear_of_all_m
-from companion.team.flight_state import state_of
+from companion.team.flight_state import state_of, track_of
 from companion.team.sharing import OwnMap
 from companion.team.team import Team
 
@@ -278,7 +278,13 @@ class App:
         """Packets for the teammates."""
         if self._team is None or self.estimator is None:
             return ()
-        own = OwnMap(self.space, self.estimator.record.poses, self.estimator.mapped_walls)
+        traces = self._config.mission.kind == "room"
+        own = OwnMap(
+            self.space,
+            self.estimator.record.poses,
+            self.estimator.mapped_walls,
+            partial(track_of, self.flight) if traces else None,
+        )
         velocity = frd_to_ned(*self.estimator.velocity_frd_m_s, pose.yaw_rad)
         state = partial(
             state_of,
@@ -356,6 +362,7 @@ class App:
                 around.legs,
                 around.is_gap_doubtful,
                 self._team.claims(now_s) if self._team else (),
+                self._team.tracings() if self._team else (),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
@@ -27,6 +28,20 @@ class Claim:
     """Time until it can see them, s."""
     comes_first: bool
     """Of two drones that arrive at the same time, it goes on."""
+
+
+@value
+class Tracing:
+    """A teammate that traces the walls of the same room, in this drone's frame."""
+
+    ne_m: Vector2
+    side: int
+    """1: it goes round clockwise, -1: counter-clockwise, 0: not chosen yet."""
+    is_tracing: bool
+    """It goes along the walls now."""
+    track_ne_m: Array
+    """(m, 2): where it has been along the walls."""
+    comes_first: bool
 
 
 @value
@@ -63,6 +78,8 @@ class Observation:
 
     claims: tuple[Claim, ...] = ()
     """What the teammates go to look at."""
+    tracings: tuple[Tracing, ...] = ()
+    """Teammates that trace the same room."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

@@ -16,7 +16,8 @@
     SCAN, past its beginning ─► SCAN: an extra round, if the distances between walls are uncertain
 
 The drone faces the wall and moves to its right. So it traces the room clockwise, and the right beam
-points in the direction of flight. Meanwhile the nose swings, so that the beam sweeps the full width
+points in the direction of flight. Of two drones of a team one moves to its left, until they meet
+(`room_halves.py`). Meanwhile the nose swings, so that the beam sweeps the full width
 of the path ahead. The swing is wide at the beginning of a leg, and small later.
 
 Along a wall longer than the sensor's range, only odometry measures the distance between the walls
@@ -25,7 +26,7 @@ another measurement.
 
 Safety:
 
-- The drone moves only forward and right, where a beam points.
+- The drone moves only forward and to the side of its round, where a beam points.
 - Along the wall it moves only through space known to be free over the drone's width.
 - It backs away from a wall only as far as the first turn measured free space.
 - If a beam fails, the movement along that beam stops.
@@ -40,8 +41,9 @@ from companion.core.known_walls import KnownWalls
 from companion.core.messages import HOLD, Beam, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
-from companion.navigation.swing import TO_THE_RIGHT
+from companion.navigation.swing import Swing
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
+from companion.pdps.room_halves import divided, has_met
 from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
 from companion.safety.control_laws import (
     BODY_RADIUS_M,
@@ -116,7 +118,7 @@ def step(
     scan, setpoint = _MOVES[scan.phase](scan, observation, plan)
     return scan, Setpoint(
         _guarded(setpoint.forward_m_s, Beam.FRONT, observation),
-        _guarded(setpoint.right_m_s, Beam.RIGHT, observation),
+        scan.side * _guarded(scan.side * setpoint.right_m_s, scan.ahead, observation),
         yaw_rate_rad_s=setpoint.yaw_rate_rad_s,
     )
 
@@ -136,11 +138,12 @@ def _turn(
         return scan, Setpoint(yaw_rate_rad_s=math.radians(plan.turn_rate_deg_s))
     nearest = find_perpendicular(scan.turn)
     if nearest is None:
-        return RoomScan(phase=ScanPhase.SEEK, heading_rad=yaw_rad), Setpoint()
+        return RoomScan(ScanPhase.SEEK, side=scan.side, heading_rad=yaw_rad), Setpoint()
     behind_m = free_distance(scan.turn, nearest.bearing_rad + math.pi, SEEN_BY_ONE_TURN_M)
     may_back_m = max(behind_m - MIN_ROOM_BEHIND_M, 0.0)
     faced = RoomScan(
         phase=ScanPhase.FACE,
+        side=scan.side,
         heading_rad=nearest.bearing_rad,
         most_standoff_m=nearest.distance_m + may_back_m,
     )
@@ -164,7 +167,7 @@ def _seek(
 ) -> tuple[RoomScan, Setpoint]:
     ahead_m = observation.clear_m(Beam.FRONT)
     if ahead_m < max(SEEK_UNTIL_M, observation.standoff_m):
-        return RoomScan(), Setpoint()
+        return RoomScan(side=scan.side), Setpoint()
     yaw_rate = _turn_rate(scan, observation, plan)
     return scan, Setpoint(forward_m_s=0.5 * plan.speed_m_s, yaw_rate_rad_s=yaw_rate)
 
@@ -181,10 +184,10 @@ def _face(
 def _stand_off(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
-    scan = _refined(scan, observation)
+    scan = divided(_refined(scan, observation), observation)
     distance_m = _wall_distance_m(scan, observation)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, observation):
-        return replace(scan, phase=ScanPhase.SCAN), Setpoint()
+        return replace(scan, phase=ScanPhase.SCAN, swing=Swing(scan.side)), Setpoint()
     if observation.pose.time_s - scan.faced_s > STANDOFF_WITHIN_S:
         return replace(scan, phase=ScanPhase.BLOCKED), Setpoint()
     forward = keep_distance(distance_m, scan.standoff_m, 0.7 * plan.speed_m_s)
@@ -195,12 +198,14 @@ def _scan(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, observation), observation)
+    if has_met(scan, observation):
+        return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
     if _is_closed(scan, observation):
         if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(observation.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
         scan = replace(scan, extra_rounds=scan.extra_rounds + 1, marks=scan.marks[-1:])
     gap_m = _gap_m(scan, observation)
-    met = _meets_wall(observation) and gap_m < CORNER_MARGIN_M
+    met = _meets_wall(scan, observation) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0
     if corner_readings != scan.corner_readings:
         scan = replace(scan, corner_readings=corner_readings)
@@ -208,12 +213,12 @@ def _scan(
         turned = replace(
             scan,
             phase=ScanPhase.CORNER,
-            heading_rad=wrap_rad(scan.heading_rad + QUARTER_TURN_RAD),
+            heading_rad=wrap_rad(scan.heading_rad + scan.side * QUARTER_TURN_RAD),
             corner_readings=0,
             corner_ne_m=_along_m(scan, observation, gap_m),
         )
         return turned, Setpoint()
-    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - observation.pose.yaw_rad)
+    along_rad = wrap_rad(_along_rad(scan) - observation.pose.yaw_rad)
     off_rad = wrap_rad(observation.pose.yaw_rad - scan.heading_rad)
     scan = replace(scan, swing=scan.swing.onward(off_rad, observation.lane(along_rad)))
     along = _along_wall(scan, observation, plan)
@@ -221,9 +226,14 @@ def _scan(
     return scan, replace(along, yaw_rate_rad_s=swings_rad_s)
 
 
+def _along_rad(scan: RoomScan) -> float:
+    """Bearing of the flight along the wall, rad."""
+    return scan.heading_rad + scan.side * QUARTER_TURN_RAD
+
+
 def _along_m(scan: RoomScan, observation: Observation, along_m: float) -> Vector2:
     """Place at a distance along the wall from the drone, local NED, m."""
-    return moved(observation.pose.ne_m, (0.0, along_m), scan.heading_rad)
+    return moved(observation.pose.ne_m, (0.0, scan.side * along_m), scan.heading_rad)
 
 
 def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -> Setpoint:
@@ -232,7 +242,7 @@ def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -
     towards_m_s = keep_distance(wall_m, scan.standoff_m, 0.4 * plan.speed_m_s)
     along_m_s = approach_speed(_gap_m(scan, observation), plan.speed_m_s, observation.lag_s)
     off_rad = wrap_rad(observation.pose.yaw_rad - scan.heading_rad)
-    return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
+    return Setpoint(*ned_to_frd(towards_m_s, scan.side * along_m_s, off_rad))
 
 
 def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -> list[int]:
@@ -241,11 +251,11 @@ def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -
     1 is the side towards the wall, -1 the other. Required are `KNOWN_AHEAD_M`, or less if the next
     wall is nearer. A sweep does not cover what lies beside the drone.
     """
-    along_rad = scan.heading_rad + QUARTER_TURN_RAD
+    along_rad = _along_rad(scan)
     enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, observation) + BODY_RADIUS_M)
     unknown = []
     for side in (1, -1):
-        off = frd_to_ned(side * 0.5 * HALF_WAY_M, BODY_RADIUS_M, scan.heading_rad)
+        off = frd_to_ned(side * 0.5 * HALF_WAY_M, scan.side * BODY_RADIUS_M, scan.heading_rad)
         middle = observation.pose.north_m + off[0], observation.pose.east_m + off[1]
         known_m = space.known_free_m(middle, along_rad, 0.5 * HALF_WAY_M, KNOWN_AHEAD_M)
         if BODY_RADIUS_M + known_m < enough_m:
@@ -254,14 +264,14 @@ def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -
 
 
 def _begin_sweep(scan: RoomScan, observation: Observation, sides: list[int]) -> RoomScan:
-    """Begins turns by which the right beam sweeps the unknown sides, and the turn back.
+    """Begins turns by which the beam ahead sweeps the unknown sides, and the turn back.
 
     If the last sweep was here, too, the scan ends.
     """
     here = observation.pose.ne_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
         return replace(scan, phase=ScanPhase.CLOSED if scan.is_extra else ScanPhase.BLOCKED)
-    aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
+    aside = tuple(scan.heading_rad - scan.side * side * SWEEP_RAD for side in sides)
     headings = (*aside, scan.heading_rad)
     return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
 
@@ -290,7 +300,7 @@ def _corner(
 ) -> tuple[RoomScan, Setpoint]:
     if _on_heading(scan, observation):
         corners = scan.corners + 1
-        scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=TO_THE_RIGHT)
+        scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=Swing(scan.side))
         return scan, _along_wall(scan, observation, plan)
     is_nearly_round = abs(wrap_rad(scan.heading_rad - observation.pose.yaw_rad)) < ROUND_CORNER_RAD
     turning = stay(scan.corner_ne_m, observation.pose)
@@ -349,11 +359,11 @@ def _wall_distance_m(scan: RoomScan, observation: Observation) -> float:
 
 def _gap_m(scan: RoomScan, observation: Observation) -> float:
     """Distance along the wall to the stand-off of the next wall, m."""
-    return observation.clear_m(Beam.RIGHT) - scan.standoff_m
+    return observation.clear_m(scan.ahead) - scan.standoff_m
 
 
-def _meets_wall(observation: Observation) -> bool:
-    reading = observation.ranges.get(Beam.RIGHT)
+def _meets_wall(scan: RoomScan, observation: Observation) -> bool:
+    reading = observation.ranges.get(scan.ahead)
     return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
 
 
@@ -372,7 +382,7 @@ def _is_closed(scan: RoomScan, observation: Observation) -> bool:
         north_m = observation.pose.north_m - mark.ne_m[0]
         east_m = observation.pose.east_m - mark.ne_m[1]
         _, along_m = ned_to_frd(north_m, east_m, mark.heading_rad)
-        is_past = along_m > CLOSING_OVERLAP_M
+        is_past = scan.side * along_m > CLOSING_OVERLAP_M
         is_there = is_past and math.hypot(north_m, east_m) < CLOSING_WITHIN_M
         if is_there and abs(wrap_rad(scan.heading_rad - mark.heading_rad)) < CLOSING_RAD:
             return True

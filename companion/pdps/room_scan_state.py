@@ -4,6 +4,7 @@ import enum
 import math
 
 from companion.core.frames import Vector2
+from companion.core.messages import Beam
 from companion.core.values import value
 from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.pdps.perpendicular import TurnReading
@@ -43,6 +44,8 @@ class RoomScan:
     last_yaw_rad: float | None = None
     turn: tuple[TurnReading, ...] = ()
     """Readings of the first turn."""
+    side: int = 1
+    """1: the drone moves to its right, and traces the room clockwise; -1: to its left."""
     heading_rad: float = 0.0
     """Heading at a right angle to the wall, rad."""
     standoff_m: float = 0.0
@@ -66,6 +69,16 @@ class RoomScan:
     """Place of the last sweep."""
     extra_rounds: int = 0
     """Rounds begun since all walls were traced once."""
+
+    @property
+    def ahead(self) -> Beam:
+        """The beam that points in the direction of flight along the wall."""
+        return Beam.RIGHT if self.side > 0 else Beam.LEFT
+
+    @property
+    def is_tracing(self) -> bool:
+        """True from the first wall on until all are traced."""
+        return self.phase in (ScanPhase.SCAN, ScanPhase.CORNER, ScanPhase.SWEEP)
 
     @property
     def is_extra(self) -> bool:

@@ -21,10 +21,10 @@ from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
 MIN_VERTICAL_M = 0.62
 """Two drones at least so far apart in height pass each other freely, m. Chosen: the bodies are 0.22
 m apart."""
-KEEP_OFF_M, YIELD_M = 0.9, 1.4
+KEEP_OFF_M, YIELD_M = 0.9, 1.2
 """Horizontal distance between the centres that a drone with the right of way keeps, and one
 without, m. Chosen: the bodies are 0.5 m apart at the first."""
-PASS_WITHIN_M, PASSED_AT_M = 0.3, 1.0
+PASS_WITHIN_M, PASSED_AT_M = 0.2, 0.8
 """A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
 and descends again beyond the second, m. Chosen."""
 MASK_M = 0.15

@@ -1,11 +1,21 @@
 """The state that a drone tells its teammates, from the state of its flight."""
 
+import numpy as np
+
 from companion.core.frames import Vector2
 from companion.core.messages import Pose
 from companion.pdps.explore import ExplorePhase
 from companion.pdps.flight.state import COLUMN_PHASES, FLYING_PHASES, FlightState, Phase
-from companion.team.messages import State
+from companion.team.messages import State, Track, pack_floats
 from companion.team.sharing import thinned
+
+
+def track_of(flight: FlightState) -> Track:
+    """The round of the room that this drone has flown."""
+    scan = flight.room
+    places = np.array([mark.ne_m for mark in scan.marks]).reshape(-1, 2)
+    side = scan.side if scan.marks else 0
+    return Track(side, flight.phase is Phase.ROOM and scan.is_tracing, pack_floats(places))
 
 
 def state_of(

@@ -6,6 +6,7 @@
     WallLines    every 2 s: all walls
     MapPiece     rays of some seconds and their keyframes; repeated until every teammate has it
     Keyframes    every second: a block of the trajectory, after corrections
+    Track        every second, if it traces a room: its way along the walls
 
 All places are in the sender's own frame: local NED from its take-off point and heading.
 """
@@ -57,7 +58,7 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     yaw_rad: Radians
     velocity_ne_m_s: Place
     position_sigma_m: Annotated[float, Meta(ge=0, le=1e4)]
-    phase: Annotated[str, Meta(max_length=40)]
+    phase: Annotated[str, Meta(max_length=80)]
     is_flying: bool
     needs_column: bool
     """It climbs or descends: the space above and below it must be free."""
@@ -101,7 +102,17 @@ class Keyframes(Struct, tag="keyframes", frozen=True, array_like=True):
     """As in `MapPiece`."""
 
 
-Body = State | WallLines | MapPiece | Keyframes
+class Track(Struct, tag="track", frozen=True, array_like=True):
+    """The round of a room."""
+
+    side: Annotated[int, Meta(ge=-1, le=1)]
+    """1: clockwise, -1: counter-clockwise, 0: not chosen yet."""
+    is_tracing: bool
+    places: Annotated[bytes, Meta(max_length=6400)]
+    """float32 (m, 2): where it has been along the walls."""
+
+
+Body = State | WallLines | MapPiece | Keyframes | Track
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Chooses what this drone tells its teammates, and when, within a limit of bytes per second.
 
-    State, WallLines, Keyframes   at their intervals; a lost one is replaced by the next
-    MapPiece                      in order; repeated until every teammate says that it has arrived
+    State, WallLines, Keyframes, Track   at their intervals; a lost one is replaced by the next
+    MapPiece                             in order; repeated until every teammate has it
 
 So losses, delays and partitions of the radio cost time, and a drone that joins late gets all.
 """
@@ -21,12 +21,13 @@ from companion.team.messages import (
     Keyframes,
     MapPiece,
     State,
+    Track,
     WallLines,
     pack_floats,
     pack_rays,
 )
 
-STATE_PERIOD_S, WALLS_PERIOD_S, KEYFRAMES_PERIOD_S = 0.2, 2.0, 1.0
+STATE_PERIOD_S, WALLS_PERIOD_S, KEYFRAMES_PERIOD_S, TRACK_PERIOD_S = 0.2, 2.0, 1.0, 1.0
 """Intervals of the messages, s. Chosen."""
 RAYS_PER_PIECE = 160
 """Rays of a map piece: two seconds of four beams, 2 kB. Chosen."""
@@ -53,13 +54,15 @@ class OwnMap:
     """(k, 3): north, east, yaw."""
     walls: Callable[[], Unknowns]
     """Returns its walls; called only when they are needed."""
+    track: Callable[[], Track] | None
+    """Returns its round of the room; None in other missions."""
 
 
 class Sharing:
     """The messages of one drone."""
 
     def __init__(self) -> None:
-        self._state_s = self._walls_s = self._keyframes_s = -math.inf
+        self._state_s = self._walls_s = self._keyframes_s = self._track_s = -math.inf
         self._next_block = 0
         self._pieces: list[tuple[int, int]] = []
         """First ray and number of rays of each piece."""
@@ -86,6 +89,9 @@ class Sharing:
         if now_s - self._keyframes_s >= KEYFRAMES_PERIOD_S and len(own.keyframes):
             self._keyframes_s = now_s
             yield self._block(own.keyframes)
+        if now_s - self._track_s >= TRACK_PERIOD_S and own.track is not None:
+            self._track_s = now_s
+            yield own.track()
         self._cut(own)
         yield from self._due_pieces(now_s, own, arrived)
 

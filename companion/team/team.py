@@ -19,7 +19,7 @@ from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.occupancy import Occupancy
-from companion.navigation.observation import Claim
+from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Keyframes,
@@ -27,6 +27,7 @@ from companion.team.messages import (
     Packet,
     PacketError,
     State,
+    Track,
     WallLines,
     decode,
     encode,
@@ -85,6 +86,8 @@ class Team:
                 mate.hear_piece(packet.body)
             case Keyframes():
                 mate.hear_keyframes(packet.body)
+            case Track():
+                mate.hear_track(packet.body)
 
     def others(self, now_s: float, *, waits: bool) -> tuple[OtherDrone, ...]:
         """The teammates in the air. `waits`: this drone waits, and lets all others pass."""
@@ -94,6 +97,11 @@ class Team:
     def claims(self, now_s: float) -> tuple[Claim, ...]:
         """What the teammates go to look at."""
         found = (mate.claim(now_s) for mate in self._mates.values())
+        return tuple(each for each in found if each is not None)
+
+    def tracings(self) -> tuple[Tracing, ...]:
+        """The teammates that trace the same room."""
+        found = (mate.tracing() for mate in self._mates.values())
         return tuple(each for each in found if each is not None)
 
     def joined(self, grid: Occupancy) -> Occupancy:

@@ -17,13 +17,14 @@ from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.state import YAW, Unknowns, to_ned
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
-from companion.navigation.observation import Claim
+from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Keyframes,
     MapPiece,
     PacketError,
     State,
+    Track,
     WallLines,
     unpack_floats,
     unpack_rays,
@@ -73,6 +74,8 @@ class Teammate:
         """Number of map pieces that have arrived, from the first on."""
         self._keyframes = np.empty((0, 3))
         self._grid = RedrawnGrid()
+        self._track: Track | None = None
+        self._track_places = np.empty((0, 2))
 
     def hear_state(self, now_s: float, state: State) -> None:
         self.state, self._heard_s = state, now_s
@@ -108,7 +111,7 @@ class Teammate:
         known = self._keyframes[: piece.first]
         between = np.repeat(poses[:1], piece.first - len(known), axis=0)  # without rays
         self._keyframes = np.vstack([known, between, poses])
-        self._grid.extend(rays, self._placed())
+        self._grid.extend(rays, self._placed_keyframes())
 
     def hear_keyframes(self, block: Keyframes) -> None:
         """Take a corrected part of its trajectory.
@@ -119,7 +122,15 @@ class Teammate:
         poses = unpack_floats(block.poses, 3)[: max(len(self._keyframes) - block.first, 0)]
         if len(poses):
             self._keyframes[block.first : block.first + len(poses)] = poses
-            self._grid.correct(self._placed())
+            self._grid.correct(self._placed_keyframes())
+
+    def hear_track(self, track: Track) -> None:
+        """Take its way along the walls of the room.
+
+        Raises:
+            PacketError: it is invalid.
+        """
+        self._track_places, self._track = unpack_floats(track.places, 2), track
 
     def refine(self, now_s: float, walls: Callable[[], Unknowns]) -> None:
         """Align the maps by the walls of both, if it is time; `walls` returns the own ones."""
@@ -131,7 +142,7 @@ class Teammate:
             return
         self.start = refined_start(self._walls, known, self._pad, self._sigma)
         self._is_aligned = True
-        self._grid.correct(self._placed())
+        self._grid.correct(self._placed_keyframes())
 
     def advance(self) -> None:
         """Draw some of its rays."""
@@ -181,12 +192,30 @@ class Teammate:
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
         return Claim(places, left_s, self._comes_first)
 
+    def tracing(self) -> Tracing | None:
+        """Its round of the room; None if it traces none."""
+        track, state = self._track, self.state
+        if track is None or state is None:
+            return None
+        return Tracing(
+            self._in_own_frame(state.ne_m),
+            track.side,
+            track.is_tracing and state.is_flying,
+            self._placed(self._track_places),
+            self._comes_first,
+        )
+
     def _in_own_frame(self, ne_m: Vector2) -> Vector2:
         north_m, east_m, yaw_rad = self.start.tolist()
         return moved((north_m, east_m), ne_m, yaw_rad)
 
-    def _placed(self) -> Array:
+    def _placed(self, places: Array) -> Array:
+        """(n, 2): places of its frame in this drone's frame."""
+        turned_m = to_ned(places, np.full(len(places), self.start[YAW]))
+        placed: Array = self.start[:YAW] + turned_m
+        return placed
+
+    def _placed_keyframes(self) -> Array:
         """(k, 3): its keyframes in this drone's frame."""
-        yaw = np.full(len(self._keyframes), self.start[YAW])
-        places = self.start[:YAW] + to_ned(self._keyframes[:, :YAW], yaw)
+        places = self._placed(self._keyframes[:, :YAW])
         return np.column_stack([places, self._keyframes[:, YAW] + self.start[YAW]])

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.app import App, Progress
-from companion.config.settings import Config, PadConfig, TeamConfig
+from companion.config.settings import MAX_DRONES, Config, PadConfig, TeamConfig
 from companion.core.errors import SurveyError
 from companion.core.frames import Vector2, moved
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
@@ -36,12 +36,12 @@ from sitl.world.geometry.model import WorldModel
 
 TEAM = TeamConfig(name="sitl")
 """Defaults of a team: how exactly the drones stand on their pads."""
-PADS_APART_M = 1.6
+PADS_APART_M = 2.0
 """Distance between neighbouring pads, m. Chosen: a drone climbs while its neighbour waits."""
 PAD_CLEAR_M = 0.35
 """Least clearance of a hull over a pad, at the height of the mission, m. Chosen."""
-MISSIONS = ("building",)
-"""Missions that a team divides."""
+MOST_DRONES = {"room": 2, "building": MAX_DRONES}
+"""Missions that a team divides, and between how many drones."""
 _ROWS = (
     ("drone", "{}"),
     ("ending", "{}"),
@@ -77,11 +77,10 @@ def fly_team(
     Raises:
         SitlError: the mission is not one that a team divides, or there is no place for a pad.
     """
-    if settings.mission.kind not in MISSIONS:
-        raise SitlError(
-            f"--team {drones}: mission {settings.mission.kind!r} is flown by one drone; a team "
-            f"flies {' or '.join(MISSIONS)}"
-        )
+    kind = settings.mission.kind
+    if drones > MOST_DRONES.get(kind, 1):
+        by = ", ".join(f"{each} by up to {most}" for each, most in MOST_DRONES.items())
+        raise SitlError(f"--team {drones}: mission {kind!r} is not flown by so many; {by}")
     began_s = time.monotonic()
     setup, _ = options.setup()
     setups, configs = team_setups(setup, settings, drones)

@@ -1,0 +1,73 @@
+"""Divides the round of a room between two drones: opposite ways along the walls, until they meet.
+
+    ┌──────────────────────┐
+    │ ◄── 2    start  1 ──► │    the drone that comes first chooses the way that leads away from the
+    │ │                  │  │    other; the other takes the opposite way
+    │ ▼                  ▼  │
+    │    ──► 2    1 ◄──     │    they meet: the other ends its scan and leaves; the first goes on to
+    └──────────────────────┘     where the other has been
+
+If the other drone falls silent or lands, the first traces the rest: only the track counts.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from companion.core.frames import Vector2, ned_to_frd
+from companion.navigation.observation import Observation, Tracing
+from companion.pdps.room_scan_state import RoomScan
+
+MEETS_M = 3.0
+"""Two drones meet within this distance along the wall, m. Chosen: before they keep off each other.
+"""
+ASIDE_M = 1.0
+"""A teammate at the same wall is within this distance of this drone's path, m. Chosen."""
+TRACED_M = 0.4
+"""This drone has reached the track of a teammate within this distance, m. Chosen: the spacing of
+the track's marks, and the error of the alignment."""
+MIN_CORNERS = 1
+"""Least corners before two drones can meet: they begin side by side."""
+
+
+def divided(scan: RoomScan, observation: Observation) -> RoomScan:
+    """The scan with the way round that is left to this drone."""
+    if not observation.tracings:
+        return scan
+    other = observation.tracings[0]
+    if other.comes_first and other.side:
+        side = -other.side
+    else:
+        _, right_m = _frd_m(scan, observation, other.ne_m)
+        side = -1 if right_m > 0 else 1
+    return scan if side == scan.side else replace(scan, side=side)
+
+
+def has_met(scan: RoomScan, observation: Observation) -> bool:
+    """True if the rest of the round is another drone's, or was traced by it."""
+    if scan.corners < MIN_CORNERS:
+        return False
+    return any(
+        _is_on_track(other, observation.pose.ne_m)
+        or (other.comes_first and other.is_tracing and _is_ahead(scan, observation, other))
+        for other in observation.tracings
+    )
+
+
+def _is_on_track(other: Tracing, here_ne_m: Vector2) -> bool:
+    off_m = np.hypot(*(other.track_ne_m - here_ne_m).T)
+    return float(off_m.min(initial=math.inf)) < TRACED_M
+
+
+def _is_ahead(scan: RoomScan, observation: Observation, other: Tracing) -> bool:
+    """True if the other drone comes towards this one along the same wall."""
+    forward_m, right_m = _frd_m(scan, observation, other.ne_m)
+    is_coming = other.side == -scan.side and 0 < scan.side * right_m < MEETS_M
+    return is_coming and abs(forward_m) < ASIDE_M
+
+
+def _frd_m(scan: RoomScan, observation: Observation, ne_m: Vector2) -> Vector2:
+    """A place relative to this drone, forward to the wall and to the right along it, m."""
+    pose = observation.pose
+    return ned_to_frd(ne_m[0] - pose.north_m, ne_m[1] - pose.east_m, scan.heading_rad)
