@@ -35,8 +35,11 @@ class Tracing:
     """A teammate that traces the walls of the same room, in this drone's frame."""
 
     ne_m: Vector2
+    wall_rad: float | None
+    """Bearing of the perpendicular to the wall at which it begins, rad; None: not chosen yet."""
     side: int
     """1: it goes round clockwise, -1: counter-clockwise, 0: not chosen yet."""
+    is_flying: bool
     is_tracing: bool
     """It goes along the walls now."""
     track_ne_m: Array

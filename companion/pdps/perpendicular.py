@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.core.frames import wrap_rad
+from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.core.values import value
 
 HALF_WINDOW_RAD = math.radians(20)
@@ -45,8 +45,18 @@ class Perpendicular:
     distance_m: float
 
 
-def find_perpendicular(turn: Sequence[TurnReading]) -> Perpendicular | None:
+SAME_WALL_RAD = math.radians(25)
+"""Two bearings of perpendiculars within this angle are of one wall, rad. Chosen: the error of two
+headings in a team, before their maps are aligned."""
+
+
+def find_perpendicular(
+    turn: Sequence[TurnReading], other_ne_m: Vector2 | None = None
+) -> Perpendicular | None:
     """Perpendicular to the nearest wall; None if the turn has no readings.
+
+    With another drone at `other_ne_m` from this one, it is the wall that is nearest for both, and
+    before which neither is in the way of the other, if there is one.
 
     If no sector contains the foot of a perpendicular (only corners or ends of walls are in range),
     the result is the shortest reading, as in the paper.
@@ -56,12 +66,20 @@ def find_perpendicular(turn: Sequence[TurnReading]) -> Perpendicular | None:
         for step in range(round(math.tau / STEP_RAD))
         if (wall := _fit(_window(turn, step * STEP_RAD), step * STEP_RAD)) is not None
     ]
+    if candidates and other_ne_m is not None:
+        return min(candidates, key=lambda wall: _for_both(wall, other_ne_m))
     if candidates:
         return min(candidates, key=lambda wall: wall.distance_m)
     if turn:
         shortest = min(turn, key=lambda ray: ray.range_m)
         return Perpendicular(shortest.bearing_rad, shortest.range_m)
     return None
+
+
+def _for_both(wall: Perpendicular, other_ne_m: Vector2) -> tuple[bool, float]:
+    """Order of the walls for two drones: the lowest is best."""
+    ahead_m, aside_m = ned_to_frd(*other_ne_m, wall.bearing_rad)
+    return abs(aside_m) < abs(ahead_m), max(wall.distance_m, wall.distance_m - ahead_m)
 
 
 def _window(turn: Sequence[TurnReading], centre_rad: float) -> list[TurnReading]:

@@ -1,8 +1,8 @@
 """Divides the round of a room between two drones: opposite ways along the walls, until they meet.
 
     ┌──────────────────────┐
-    │ ◄── 2    start  1 ──► │    the drone that comes first chooses the way that leads away from the
-    │ │                  │  │    other; the other takes the opposite way
+    │ ◄── 2    start  1 ──► │    both begin at one wall; the drone that comes first chooses the way
+    │ │                  │  │    that leads away from the other, and the other the opposite way
     │ ▼                  ▼  │
     │    ──► 2    1 ◄──     │    they meet: the other ends its scan and leaves; the first goes on to
     └──────────────────────┘     where the other has been
@@ -15,8 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.frames import Vector2, ned_to_frd
+from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.navigation.observation import Observation, Tracing
+from companion.pdps.perpendicular import SAME_WALL_RAD
 from companion.pdps.room_scan_state import RoomScan
 
 MEETS_M = 3.0
@@ -31,12 +32,34 @@ MIN_CORNERS = 1
 """Least corners before two drones can meet: they begin side by side."""
 
 
+def to_other_ne_m(observation: Observation) -> Vector2 | None:
+    """From this drone to the other one, m; None without another one in the air."""
+    for other in observation.tracings:
+        if other.is_flying:
+            pose = observation.pose
+            return other.ne_m[0] - pose.north_m, other.ne_m[1] - pose.east_m
+    return None
+
+
+def other_wall_rad(heading_rad: float, observation: Observation) -> float | None:
+    """Bearing of the wall at which the other drone begins, rad, if this one faces another wall.
+
+    Both begin at one wall; else the walls between their starts would not be traced.
+    """
+    for other in observation.tracings:
+        leads = other.comes_first or other.is_tracing
+        if leads and other.wall_rad is not None:
+            is_same = abs(wrap_rad(other.wall_rad - heading_rad)) < SAME_WALL_RAD
+            return None if is_same else other.wall_rad
+    return None
+
+
 def divided(scan: RoomScan, observation: Observation) -> RoomScan:
     """The scan with the way round that is left to this drone."""
     if not observation.tracings:
         return scan
     other = observation.tracings[0]
-    if other.comes_first and other.side:
+    if other.side and (other.comes_first or other.is_tracing):
         side = -other.side
     else:
         _, right_m = _frd_m(scan, observation, other.ne_m)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import Pose
 from companion.pdps.explore import ExplorePhase
 from companion.pdps.flight.state import COLUMN_PHASES, FLYING_PHASES, FlightState, Phase
+from companion.pdps.room_scan_state import ScanPhase
 from companion.team.messages import State, Track, pack_floats
 from companion.team.sharing import thinned
 
@@ -14,8 +15,13 @@ def track_of(flight: FlightState) -> Track:
     """The round of the room that this drone has flown."""
     scan = flight.room
     places = np.array([mark.ne_m for mark in scan.marks]).reshape(-1, 2)
+    begins_rad = scan.marks[0].heading_rad if scan.marks else scan.heading_rad
+    has_wall = scan.phase not in (ScanPhase.TURN, ScanPhase.SEEK)
+    wall_rad = wrap_rad(begins_rad) if has_wall else None
     side = scan.side if scan.marks else 0
-    return Track(side, flight.phase is Phase.ROOM and scan.is_tracing, pack_floats(places))
+    return Track(
+        wall_rad, side, flight.phase is Phase.ROOM and scan.is_tracing, pack_floats(places)
+    )
 
 
 def state_of(

@@ -6,7 +6,7 @@
     WallLines    every 2 s: all walls
     MapPiece     rays of some seconds and their keyframes; repeated until every teammate has it
     Keyframes    every second: a block of the trajectory, after corrections
-    Track        every second, if it traces a room: its way along the walls
+    Track        twice a second, if it traces a room: its way along the walls
 
 All places are in the sender's own frame: local NED from its take-off point and heading.
 """
@@ -105,6 +105,8 @@ class Keyframes(Struct, tag="keyframes", frozen=True, array_like=True):
 class Track(Struct, tag="track", frozen=True, array_like=True):
     """The round of a room."""
 
+    wall_rad: Radians | None
+    """Bearing of the perpendicular to the wall at which it begins; None: not chosen yet."""
     side: Annotated[int, Meta(ge=-1, le=1)]
     """1: clockwise, -1: counter-clockwise, 0: not chosen yet."""
     is_tracing: bool

@@ -27,7 +27,7 @@ from companion.team.messages import (
     pack_rays,
 )
 
-STATE_PERIOD_S, WALLS_PERIOD_S, KEYFRAMES_PERIOD_S, TRACK_PERIOD_S = 0.2, 2.0, 1.0, 1.0
+STATE_PERIOD_S, WALLS_PERIOD_S, KEYFRAMES_PERIOD_S, TRACK_PERIOD_S = 0.2, 2.0, 1.0, 0.5
 """Intervals of the messages, s. Chosen."""
 RAYS_PER_PIECE = 160
 """Rays of a map piece: two seconds of four beams, 2 kB. Chosen."""

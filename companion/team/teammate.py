@@ -199,7 +199,9 @@ class Teammate:
             return None
         return Tracing(
             self._in_own_frame(state.ne_m),
+            None if track.wall_rad is None else track.wall_rad + float(self.start[YAW]),
             track.side,
+            state.is_flying,
             track.is_tracing and state.is_flying,
             self._placed(self._track_places),
             self._comes_first,
