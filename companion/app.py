@@ -49,7 +49,6 @@ from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.flight import phases
 from companion.pdps.flight.state import (
-    COLUMN_PHASES,
     FINAL_PHASES,
     UNARMED_PHASES,
     FlightAction,
@@ -70,7 +69,7 @@ from companion.safety.separation import (
     without_others,
 )
 from companion.safety.velocity_guard import clear_of_all_m
-from companion.team.flight_state import state_of, track_of
+from companion.team.flight_state import needs_column, state_of, track_of
 from companion.team.sharing import OwnMap
 from companion.team.team import Team
 
@@ -388,14 +387,18 @@ class App:
         recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
         if not others:
             return replace(around, recalled_frd_m=recalled)
-        needs_column = self.flight.phase in COLUMN_PHASES
-        others_frd_m, keep_off_m = keep_off(others, pose, needs_column)
+        others_frd_m, keep_off_m = keep_off(others, pose, needs_column(self.flight, pose.height_m))
         return replace(
             around,
             recalled_frd_m=recalled,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
-            lets_pass=lets_pass(others, pose, passes=self.flight.passes_above),
+            lets_pass=lets_pass(
+                others,
+                pose,
+                self.flight.layers.height_m(self._config.mission),
+                passes=self.flight.passes_above,
+            ),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
 

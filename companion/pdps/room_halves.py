@@ -20,8 +20,9 @@ from companion.navigation.observation import Observation, Tracing
 from companion.pdps.perpendicular import SAME_WALL_RAD
 from companion.pdps.room_scan_state import RoomScan
 
-MEETS_M = 3.0
-"""Two drones meet within this distance along the wall, m. Chosen: before they keep off each other.
+MEETS_M = 4.0
+"""Two drones meet within this distance along the wall, m. Chosen: the one that leaves is out of the
+other's way before they keep off each other.
 """
 ASIDE_M = 1.0
 """A teammate at the same wall is within this distance of this drone's path, m. Chosen."""
@@ -67,13 +68,16 @@ def divided(scan: RoomScan, observation: Observation) -> RoomScan:
     return scan if side == scan.side else replace(scan, side=side)
 
 
-def has_met(scan: RoomScan, observation: Observation) -> bool:
-    """True if the rest of the round is another drone's, or was traced by it."""
+def has_met(scan: RoomScan, observation: Observation, gap_m: float) -> bool:
+    """True if the rest of the round is another drone's, or was traced by it.
+
+    `gap_m`: distance along the wall to the stand-off of the next wall.
+    """
     if scan.corners < MIN_CORNERS:
         return False
     return any(
         _is_on_track(other, observation.pose.ne_m)
-        or (other.comes_first and other.is_tracing and _is_ahead(scan, observation, other))
+        or (other.comes_first and other.is_tracing and _is_ahead(scan, observation, other, gap_m))
         for other in observation.tracings
     )
 
@@ -83,11 +87,13 @@ def _is_on_track(other: Tracing, here_ne_m: Vector2) -> bool:
     return float(off_m.min(initial=math.inf)) < TRACED_M
 
 
-def _is_ahead(scan: RoomScan, observation: Observation, other: Tracing) -> bool:
-    """True if the other drone comes towards this one along the same wall."""
+def _is_ahead(scan: RoomScan, observation: Observation, other: Tracing, gap_m: float) -> bool:
+    """True if the other drone comes towards this one, along the same wall or the next one."""
     forward_m, right_m = _frd_m(scan, observation, other.ne_m)
-    is_coming = other.side == -scan.side and 0 < scan.side * right_m < MEETS_M
-    return is_coming and abs(forward_m) < ASIDE_M
+    ahead_m = scan.side * right_m
+    is_near_wall = abs(forward_m) < ASIDE_M or abs(ahead_m - gap_m) < ASIDE_M
+    is_coming = other.side == -scan.side and is_near_wall
+    return is_coming and ahead_m > 0 and ahead_m + abs(forward_m) < MEETS_M
 
 
 def _frd_m(scan: RoomScan, observation: Observation, ne_m: Vector2) -> Vector2:

@@ -204,7 +204,7 @@ def _scan(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, observation), observation)
-    if has_met(scan, observation):
+    if has_met(scan, observation, _gap_m(scan, observation)):
         return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
     if _is_closed(scan, observation):
         if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(observation.walls()):

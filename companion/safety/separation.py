@@ -71,16 +71,16 @@ def _must_yield(other: OtherDrone, needs_column: bool) -> bool:
     return other.has_right_of_way
 
 
-def lets_pass(others: Sequence[OtherDrone], pose: Pose, *, passes: bool) -> bool:
+def lets_pass(others: Sequence[OtherDrone], pose: Pose, level_m: float, *, passes: bool) -> bool:
     """True if the drone is to be above a teammate that has the right of way.
 
-    `passes`: it is there already.
+    `level_m`: height at which the drone flies otherwise, m. `passes`: it is above already.
     """
     within_m = YIELD_M + (PASSED_AT_M if passes else PASS_WITHIN_M)
     return any(
         each.has_right_of_way
         and not each.needs_column
-        and each.height_m < pose.height_m + 0.5 * MIN_VERTICAL_M
+        and abs(each.height_m - level_m) < MIN_VERTICAL_M
         and math.dist(each.ne_m, pose.ne_m) < within_m + each.sigma_m
         for each in others
     )

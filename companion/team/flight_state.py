@@ -10,6 +10,10 @@ from companion.pdps.room_scan_state import ScanPhase
 from companion.team.messages import State, Track, pack_floats
 from companion.team.sharing import thinned
 
+DOWN_M = 0.4
+"""A drone that lands is below all others under this height, m. Chosen: the lowest height of a
+mission, less the distance in height."""
+
 
 def track_of(flight: FlightState) -> Track:
     """The round of the room that this drone has flown."""
@@ -22,6 +26,12 @@ def track_of(flight: FlightState) -> Track:
     return Track(
         wall_rad, side, flight.phase is Phase.ROOM and scan.is_tracing, pack_floats(places)
     )
+
+
+def needs_column(flight: FlightState, height_m: float) -> bool:
+    """True while the drone climbs or descends, and is not yet below all others."""
+    is_down = flight.phase is Phase.LAND and height_m < DOWN_M
+    return flight.phase in COLUMN_PHASES and not is_down
 
 
 def state_of(
@@ -45,7 +55,7 @@ def state_of(
         pose.position_sigma_m,
         flight.phase.value,
         flight.phase in FLYING_PHASES or flight.phase is Phase.LAND,
-        flight.phase in COLUMN_PHASES,
+        needs_column(flight, pose.height_m),
         flight.waits,
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
         thinned(look.at_ne_m) if look else (),

@@ -66,8 +66,8 @@ FLYING_PHASES = frozenset(
     }
 )
 """Phases in the air, before LAND."""
-COLUMN_PHASES = frozenset({Phase.ARM, Phase.TAKE_OFF, Phase.DESCEND, Phase.LAND})
-"""Phases in which the drone climbs or descends; teammates keep its column free."""
+COLUMN_PHASES = frozenset({Phase.TAKE_OFF, Phase.DESCEND, Phase.LAND})
+"""Phases in which the drone climbs or descends."""
 LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
 """Phases with height control, in which the velocity limiter applies."""
 
