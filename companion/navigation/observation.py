@@ -26,6 +26,8 @@ class Claim:
     places_ne_m: tuple[Vector2, ...]
     arrives_in_s: float
     """Time until it can see them, s."""
+    is_extra: bool
+    """The mission is complete without it."""
     comes_first: bool
     """Of two drones that arrive at the same time, it goes on."""
 

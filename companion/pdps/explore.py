@@ -40,7 +40,7 @@ from companion.navigation.grid_planner import (
     find_ground,
     find_ways,
 )
-from companion.navigation.observation import Observation
+from companion.navigation.observation import Claim, Observation
 from companion.navigation.path_follower import ARRIVED_M
 from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
 from companion.pdps.claims import is_claimed
@@ -161,7 +161,8 @@ def step(
 
 def _wait(explore: Explore, observation: Observation) -> tuple[Explore, Setpoint]:
     here = explore.here_ne_m or observation.pose.ne_m
-    if observation.pose.time_s - explore.checked_s > WAIT_S or not observation.claims:
+    is_over = not _is_more_expected(observation.claims)
+    if is_over or observation.pose.time_s - explore.checked_s > WAIT_S:
         explore = replace(_to_choose(explore, None), here_ne_m=here)
     return explore, stay(here, observation.pose)
 
@@ -255,7 +256,7 @@ def _choose(
         )
         if left:
             return replace(explore, looks=left)
-        if claims:
+        if _is_more_expected(claims):
             return _to_wait(explore, observation)
         return replace(explore, phase=ExplorePhase.DONE)
     places = tuple(look.from_ne_m for look in explore.looks)
@@ -274,6 +275,11 @@ def _choose(
 def _arrives_in_s(ways: ShortestPaths, look: Viewpoint, plan: MissionConfig) -> float:
     """Expected time to a viewpoint, s."""
     return float(ways.metres[ways.ground.grid.cell(look.from_ne_m)]) / plan.speed_m_s
+
+
+def _is_more_expected(claims: tuple[Claim, ...]) -> bool:
+    """True if a teammate looks at something that may open more space."""
+    return any(not claim.is_extra for claim in claims)
 
 
 def _to_wait(explore: Explore, observation: Observation) -> Explore:

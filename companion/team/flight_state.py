@@ -46,7 +46,7 @@ def state_of(
     """The state of this drone. `received`: number of map pieces that it has of each teammate."""
     building = flight.building
     goes = flight.phase is Phase.BUILDING and building.phase is not ExplorePhase.DONE
-    look = building.look if goes and building.look and not building.look.is_extra else None
+    look = building.look if goes else None
     return State(
         pose.ne_m,
         pose.height_m,
@@ -59,6 +59,7 @@ def state_of(
         flight.waits,
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
         thinned(look.at_ne_m) if look else (),
+        look is not None and look.is_extra,
         max(building.arrives_s - now_s, 0.0) if look else 0.0,
         received,
     )

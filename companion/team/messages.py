@@ -67,6 +67,8 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     battery: Annotated[float, Meta(ge=0, le=1)]
     target: Annotated[tuple[Place, ...], Meta(max_length=MAX_PLACES)]
     """Places that it goes to look at."""
+    is_extra: bool
+    """The mission is complete without it."""
     arrives_in_s: Seconds
     """Time until it can see them, s."""
     received: Annotated[dict[Drone, Count], Meta(max_length=MAX_DRONES)]
@@ -174,7 +176,7 @@ def decode(data: bytes) -> Packet:
         if header.version != VERSION:
             raise OtherVersionError(f"version {header.version}; this is {VERSION}")
         body: Body = _body_decoder.decode(header.body)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise PacketError(str(error)) from None
     return Packet(header.team, header.drone, header.instance, header.number, body)
 

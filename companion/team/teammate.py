@@ -190,7 +190,7 @@ class Teammate:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
-        return Claim(places, left_s, self._comes_first)
+        return Claim(places, left_s, state.is_extra, self._comes_first)
 
     def tracing(self) -> Tracing | None:
         """Its round of the room; None if it traces none."""

@@ -251,6 +251,10 @@ class Autopilot:
         """Wind moves the vehicle."""
         self._vehicle.wind_ne_m_s = (north_m_s, east_m_s)
 
+    def push_down(self, speed_m_s: float) -> None:
+        """The air of a vehicle above pushes this one down."""
+        self._vehicle.downwash_m_s = speed_m_s
+
     def lose_flow(self, *, lost: bool) -> None:
         self._navigation.lose_flow(lost=lost)
 

@@ -93,6 +93,8 @@ class Vehicle:
         self._floor = start.position_ned_m[2]
         self.wind_ne_m_s: Vector2 = STILL
         """A fault for tests: wind that moves the vehicle, north and east, m/s."""
+        self.downwash_m_s = 0.0
+        """Speed at which the air of a vehicle above pushes this one down, m/s."""
         self.state = start
 
     @property
@@ -111,7 +113,8 @@ class Vehicle:
         wanted_rate = max(-MAX_YAW_RATE_RAD_S, min(MAX_YAW_RATE_RAD_S, yaw_rate_rad_s))
         turning = self._yaw.step(wanted_rate)
         accelerations = self._north.acceleration, self._east.acceleration
-        return self._move((north, east, self._down.step(wanted_d)), accelerations, turning)
+        down = self._down.step(wanted_d) + self.downwash_m_s
+        return self._move((north, east, down), accelerations, turning)
 
     def _blow(self) -> None:
         """Draw the next gust, an Ornstein-Uhlenbeck process."""

@@ -13,7 +13,7 @@ from sitl.core.errors import SitlError
 from sitl.core.vehicle import STEP_S
 from sitl.simulation.record import AIRBORNE_M
 from sitl.simulation.simulation import Setup, Simulation
-from sitl.simulation.traffic import Others, no_others
+from sitl.simulation.traffic import Others, downwash_m_s, no_others
 
 SEEDS_APART = 1000
 """Difference between the seeds of two vehicles. Chosen."""
@@ -82,9 +82,17 @@ class Fleet:
             return
         while self.time_s < time_s - 1e-9:
             step_to_s = self.time_s + STEP_S
+            self._blow()
             for vehicle in self.vehicles:
                 vehicle.advance(step_to_s)
             self._measure()
+
+    def _blow(self) -> None:
+        """Push down each vehicle that is below another one in the air."""
+        positions = [vehicle.autopilot.truth.position_ned_m for vehicle in self.vehicles]
+        airborne = [position for position in positions if -position[2] > AIRBORNE_M]
+        for vehicle, position in zip(self.vehicles, positions, strict=True):
+            vehicle.autopilot.push_down(downwash_m_s(position, airborne))
 
     def _measure(self) -> None:
         positions = (vehicle.autopilot.truth.position_ned_m for vehicle in self.vehicles)

@@ -72,3 +72,37 @@ def test_nearest_m_is_the_distance_to_the_nearest_obstacle() -> None:
     grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True, 0.0))
     assert grid.nearest_m((1.4, 0.0), 1.0) == pytest.approx(0.6, abs=0.15)
     assert grid.nearest_m((-5.0, 0.0), 1.0) == 1.0
+
+
+def test_what_another_drone_has_measured_counts_where_the_own_map_is_unknown() -> None:
+    """This drone sees a wall at 2 m to the north; the other one flies higher, and sees over it."""
+    own = seen(Occupancy(), Ray((0.0, 0.0), 0.0, 2.0, 0.01, True, 5.0))
+    other = seen(Occupancy(), Ray((0.0, 0.0), 0.0, 8.0, 0.01, True, 1.0))
+    joined = own.joined([other])
+    assert state(joined, (1.0, 0.0)) == "free"
+    assert state(joined, (2.0, 0.0)) == "occupied"
+    assert state(joined, (5.0, 0.0)) == "free"
+    assert state(joined, (8.0, 0.0)) == "occupied"
+    assert state(own, (5.0, 0.0)) == "unknown"
+    _, met_s = joined.met_near((2.0, 0.0), 0.3)
+    assert met_s.max() == 5.0
+    _, met_s = joined.met_near((8.0, 0.0), 0.3)
+    assert met_s.max() == -math.inf
+
+
+@given(st.lists(st.tuples(PLACE, st.floats(-math.pi, math.pi), st.floats(0.5, 5)), max_size=6))
+def test_a_joined_map_contains_the_own_map(
+    rays: list[tuple[tuple[float, float], float, float]],
+) -> None:
+    own = Occupancy()
+    for origin, bearing_rad, end_m in rays[::2]:
+        seen(own, Ray(origin, bearing_rad, end_m, 0.01, True, 1.0))
+    other = Occupancy()
+    for origin, bearing_rad, end_m in rays[1::2]:
+        seen(other, Ray(origin, bearing_rad, end_m, 0.01, True, 1.0))
+    joined = own.joined([other])
+    for row in range(0, own.shape[0], 7):
+        for column in range(0, own.shape[1], 7):
+            place = own.place((row, column))
+            if state(own, place) != "unknown":
+                assert state(joined, place) == state(own, place)

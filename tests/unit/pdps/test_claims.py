@@ -1,0 +1,42 @@
+"""Tests that of several drones exactly one looks at a place."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.navigation.observation import Claim
+from companion.pdps.claims import is_claimed
+from companion.pdps.viewpoints import Viewpoint
+
+PLACES = ((3.0, 0.0), (3.0, 0.5), (3.0, 1.0))
+
+
+def look(north_m: float = 0.0) -> Viewpoint:
+    return Viewpoint((0.0, 0.0), tuple((north + north_m, east) for north, east in PLACES))
+
+
+def claim(arrives_in_s: float, *, comes_first: bool) -> Claim:
+    return Claim(PLACES, arrives_in_s, False, comes_first)
+
+
+@given(st.floats(0, 100), st.floats(0, 100))
+def test_exactly_one_of_two_drones_leaves_a_place_to_the_other(
+    first_s: float, second_s: float
+) -> None:
+    first_leaves = is_claimed(look(), first_s, (claim(second_s, comes_first=False),))
+    second_leaves = is_claimed(look(), second_s, (claim(first_s, comes_first=True),))
+    assert first_leaves != second_leaves
+
+
+def test_the_sooner_drone_goes() -> None:
+    assert is_claimed(look(), 20.0, (claim(5.0, comes_first=False),))
+    assert not is_claimed(look(), 5.0, (claim(20.0, comes_first=True),))
+
+
+@given(st.floats(0, 100))
+def test_another_place_is_not_claimed(arrives_in_s: float) -> None:
+    assert not is_claimed(look(5.0), arrives_in_s, (claim(0.0, comes_first=True),))
+
+
+def test_a_place_near_the_claimed_one_is_the_same() -> None:
+    """The maps of two drones differ by the error of their alignment."""
+    assert is_claimed(look(0.5), 20.0, (claim(5.0, comes_first=False),))

@@ -1,0 +1,138 @@
+"""Tests what a drone knows of its teammates: places, claims, maps, over a radio that loses much."""
+
+import math
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.core.frames import Vector2
+from companion.mapping.occupancy import Occupancy
+from companion.team.messages import Packet, encode
+from companion.team.team import Team
+from companion.team.teammate import LOST_S, SILENT_S
+from tests.unit.team.rooms import PADS, Member, config, state
+
+TICK_S = 0.05
+SEEN_NE_M: Vector2 = (2.0, -1.0)
+"""A place in the room, in the frame of the first drone."""
+
+
+def talk(
+    one: Member,
+    other: Member,
+    until_s: float,
+    *,
+    since_s: float = 0.0,
+    loss: float = 0.0,
+    seed: int = 1,
+) -> None:
+    """Let both drones tell each other what they know."""
+    random = Random(seed)
+    for tick in range(round((until_s - since_s) / TICK_S)):
+        now_s = since_s + tick * TICK_S
+        for sender, receiver in ((one, other), (other, one)):
+            packets = sender.tell(now_s)
+            arrived = tuple(packet for packet in packets if random.random() >= loss)
+            receiver.hear(now_s, arrived)
+
+
+def test_a_place_of_a_teammate_is_known_in_the_own_frame() -> None:
+    """The second drone stands at 1 m north, 0.5 m east, and looks east."""
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0))
+    [other] = first.team.others(0.0, waits=False)
+    assert other.ne_m == pytest.approx((1.0, 0.5))
+    assert not other.has_right_of_way
+    second.hear(0.0, first.tell(0.0))
+    [other] = second.team.others(0.0, waits=False)
+    assert other.ne_m == pytest.approx((-0.5, 1.0))
+    assert other.has_right_of_way
+
+
+def test_of_two_drones_the_one_that_waits_gives_way() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    second.hear(0.0, first.tell(0.0, waits=True))
+    [other] = second.team.others(0.0, waits=False)
+    assert not other.has_right_of_way
+
+
+def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, target=((1.0, 0.0),), arrives_in_s=4.0))
+    [claim] = first.team.claims(1.0)
+    assert claim.places_ne_m[0] == pytest.approx((1.0, 1.5))
+    assert claim.arrives_in_s == pytest.approx(3.0)
+    assert not first.team.claims(SILENT_S + 0.1)
+    assert first.team.others(SILENT_S + 0.1, waits=False)
+    assert not first.team.others(LOST_S + 0.1, waits=False)
+
+
+@settings(max_examples=20)
+@given(st.floats(0, 0.6), st.integers(0, 1000))
+def test_all_that_a_teammate_saw_arrives_over_any_radio(loss: float, seed: int) -> None:
+    first, second = Member(1, 0), Member(2, 40)
+    talk(first, second, 60.0, loss=loss, seed=seed)
+    assert first.team.received == {2: 40 * 40 // 160}
+    joined = first.team.joined(Occupancy())
+    assert joined.free[joined.cell(SEEN_NE_M)]
+    assert joined.nearest_m((3.0, 0.0), 1.0) < 0.15
+    assert first.team.dropped == 0
+
+
+def test_a_drone_that_joins_late_gets_all() -> None:
+    first, second, late = Member(1, 0), Member(2, 40), Member(1, 0)
+    talk(first, second, 30.0)
+    talk(late, second, 60.0, since_s=30.0)
+    assert late.team.received == first.team.received
+
+
+def test_a_partition_costs_time_and_nothing_else() -> None:
+    first, second = Member(1, 0), Member(2, 40)
+    talk(first, second, 60.0, loss=1.0)
+    assert first.team.received == {2: 0}
+    talk(first, second, 90.0, since_s=60.0)
+    assert first.team.received == {2: 10}
+
+
+def test_a_drone_sends_at_most_20_kilobytes_a_second() -> None:
+    """It has the map of ten minutes to tell, and nothing arrives."""
+    first, second = Member(1, 0), Member(2, 1200)
+    sent = 0
+    for tick in range(200):
+        packets = second.tell(tick * TICK_S)
+        sent += sum(map(len, packets))
+        first.hear(tick * TICK_S, second.tell(tick * TICK_S)[:0])
+    assert sent < 10 * 20_000
+
+
+@settings(max_examples=20)
+@given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-4.0, 4.0))
+def test_shared_walls_correct_where_a_teammate_stands(
+    north_m: float, east_m: float, yaw_deg: float
+) -> None:
+    off = np.array([north_m, east_m, math.radians(yaw_deg)])
+    first, second = Member(1, 0), Member(2, 0, off)
+    talk(first, second, 10.0)
+    [other] = first.team.others(10.0, waits=False)
+    assert math.dist(other.ne_m, (1.0 + north_m, 0.5 + east_m)) < 0.05
+
+
+def test_strange_packets_are_dropped_and_counted() -> None:
+    team = Team(config(1))
+    foreign = encode(Packet("others", 2, 0, 0, state()()))
+    unknown = encode(Packet("test", len(PADS) + 1, 0, 0, state()()))
+    team.hear(0.0, (b"", b"\x93nonsense", foreign, unknown), Member(1, 0).tell)  # type: ignore[arg-type]
+    assert team.dropped == 3
+    assert not team.others(0.0, waits=False)
+
+
+def test_a_restarted_teammate_begins_anew() -> None:
+    first, second = Member(1, 0), Member(2, 40)
+    talk(first, second, 30.0)
+    again = Member(2, 0)
+    again.team = Team(config(2), instance=9)
+    first.hear(30.0, again.tell(30.0))
+    assert first.team.received == {2: 0}
