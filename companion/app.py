@@ -159,9 +159,12 @@ class Outputs:
 class App:
     """The state and the control loop of one flight."""
 
-    def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
+    def __init__(
+        self, config: Config, earlier: EarlierFlights | None = None, *, instance: int = 0
+    ) -> None:
+        """`instance` tells teammates of a restart of the program: it differs then."""
         self._config = config
-        self._team = Team(config.team) if config.team.name else None
+        self._team = Team(config.team, instance) if config.team.name else None
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)
@@ -360,8 +363,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                self._team.claims(now_s) if self._team else (),
-                self._team.tracings() if self._team else (),
+                **(self._team.view(now_s) if self._team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,

@@ -1,5 +1,6 @@
 """Flies a mission: `companion fly`; the only place that assembles the parts of a flight."""
 
+import secrets
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
@@ -47,7 +48,8 @@ def fly_command(
     )
     with flight_console() as console:
         if survey is None:
-            code = _fly(App(settings), settings, out, console)
+            app = App(settings, instance=secrets.randbits(32))
+            code = _fly(app, settings, out, console)
         else:
             code = _fly_on(settings, survey, console)
     raise typer.Exit(code)
@@ -63,7 +65,7 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
     earlier = survey.earlier()
     if earlier is not None:
         console.print(left_to_fly(earlier, settings).in_words())
-    app = App(settings, earlier)
+    app = App(settings, earlier, instance=secrets.randbits(32))
     code = _fly(app, settings, folder / "last_flight", console, earlier=earlier, recordings=folder)
     if app.flight.is_to_be_continued:
         console.print(f"to be continued: {app.flight.ending}", soft_wrap=True)

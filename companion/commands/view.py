@@ -28,7 +28,7 @@ def view(
 ) -> None:
     """Show a flying drone's map on a page in the browser; Ctrl-C ends it."""
     with needs_extra("viewer"):
-        from companion.view.access.secret import read_token  # noqa: PLC0415
+        from companion.core.secret import read_token  # noqa: PLC0415
         from companion.view.access.server import open_page  # noqa: PLC0415
         from companion.view.feed_client import parse_address  # noqa: PLC0415
         from companion.view.live import Live  # noqa: PLC0415 - an extra

@@ -41,6 +41,10 @@ def _sections(schema: JsonSchema) -> Iterator[str]:
         for key, field in group["properties"].items():
             if entries := field.get("additionalProperties"):
                 yield from _by_beam(schema, f"### `[{name}.{key}]`", entries)
+            if "$ref" in (items := field.get("items", {})):
+                entry = _resolved(schema, items)
+                heading = f"### `[[{name}.{key}]]`"
+                yield _section(heading, entry["description"], schema, entry)
 
 
 def _by_beam(schema: JsonSchema, heading: str, entries: JsonSchema) -> Iterator[str]:

@@ -44,6 +44,8 @@ STANDOFFS = ("range", "accurate")
 """Named stand-offs of `mission.standoff`."""
 MAX_DRONES = 8
 """Most drones of a team. Chosen."""
+TEAM_DRONES = {"room": 2, "building": MAX_DRONES}
+"""Missions that a team divides, and between how many drones."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 """Bounds of `mission.standoff`, m. Chosen."""
 
@@ -225,6 +227,13 @@ class TeamConfig(Group):
     """Number of this drone in `pads`, from 1 on."""
     pads: tuple[PadConfig, ...] = Field((PadConfig(),), max_length=MAX_DRONES)
     """Start of each drone of the team."""
+    addresses: tuple[Annotated[str, Field(pattern=r"^[^\s:/]+:\d{1,5}$")], ...] = Field(
+        (), max_length=MAX_DRONES
+    )
+    """`HOST:PORT` at which each drone listens. Default: this machine, from port 7447 on."""
+    key_file: Path | None = None
+    """File with the team's key, mode 600, the same on all drones. Required unless all addresses are
+    on this machine."""
     pad_sigma_m: float = Field(0.1, gt=0, le=1)
     """Standard deviation of a start from its pad, on each axis, m."""
     pad_sigma_deg: float = Field(3.0, gt=0, le=20)
@@ -236,6 +245,11 @@ class TeamConfig(Group):
             raise ValueError(
                 f"drone {self.drone} has no start: team.pads has {len(self.pads)} entries; "
                 "give one for each drone"
+            )
+        if self.addresses and len(self.addresses) != len(self.pads):
+            raise ValueError(
+                f"team.addresses has {len(self.addresses)} entries, and team.pads "
+                f"{len(self.pads)}; give one of each for each drone"
             )
         return self
 
@@ -249,6 +263,14 @@ class Config(Group):
     recording: RecordingConfig = RecordingConfig()
     view: ViewConfig = ViewConfig()
     team: TeamConfig = TeamConfig()
+
+    @model_validator(mode="after")
+    def _check_team(self) -> Self:
+        kind, drones = self.mission.kind, len(self.team.pads)
+        if self.team.name and drones > TEAM_DRONES.get(kind, 1):
+            by = ", ".join(f"{each} by up to {most}" for each, most in TEAM_DRONES.items())
+            raise ValueError(f"mission.kind = {kind!r}: is not flown by a team of {drones}; {by}")
+        return self
 
     @model_validator(mode="after")
     def _check_serial_ports(self) -> Self:
@@ -371,7 +393,7 @@ def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
     complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
     setting = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
-    return f"{setting}: {complaint}"
+    return f"{setting}: {complaint}" if setting else complaint
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:

@@ -33,6 +33,14 @@ class SurveyError(CompanionError, ValueError):
     """Flights cannot be made into one map."""
 
 
+class SecretError(CompanionError, OSError):
+    """A file with a key or token is missing, or others can read it."""
+
+
+class TeamError(CompanionError, OSError):
+    """The radio of a team cannot be opened."""
+
+
 class ViewError(CompanionError, OSError):
     """A page or a feed cannot be opened."""
 

@@ -23,6 +23,7 @@ from companion.recording.room import refuse_no_room
 from companion.run.clocks import Clock, open_clock
 from companion.run.loop import Rig
 from companion.team.radio import NoRadio, TeamRadio
+from companion.team.zenoh_radio import open_team_radio
 
 
 def make_rig(
@@ -72,8 +73,9 @@ def open_rig(
         closing(transport),
         closing(open_bus(config.sensors.bus)) as wires,
         closing(open_clock(config, transport, warn)) as clock,
+        open_team_radio(config.team) as radio,
     ):
         recorder: Recorder = NOT_RECORDED
         if out is not None:
             recorder = open_recorder(out, config, time.time(), warn, earlier=earlier)
-        yield make_rig(config, recorder.tap(transport), wires, clock), recorder
+        yield make_rig(config, recorder.tap(transport), wires, clock, radio), recorder

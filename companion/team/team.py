@@ -11,6 +11,7 @@ enter space that its own sensors have not measured.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypedDict
 
 import numpy as np
 
@@ -34,6 +35,14 @@ from companion.team.messages import (
 )
 from companion.team.sharing import OwnMap, Sharing
 from companion.team.teammate import Teammate
+
+
+class TeamView(TypedDict, total=False):
+    """Fields of an `Observation`."""
+
+    claims: tuple[Claim, ...]
+    tracings: tuple[Tracing, ...]
+    has_shared_map: bool
 
 
 class Team:
@@ -94,15 +103,15 @@ class Team:
         found = (mate.drone(now_s, other_waits=waits) for mate in self._mates.values())
         return tuple(each for each in found if each is not None)
 
-    def claims(self, now_s: float) -> tuple[Claim, ...]:
-        """What the teammates go to look at."""
-        found = (mate.claim(now_s) for mate in self._mates.values())
-        return tuple(each for each in found if each is not None)
-
-    def tracings(self) -> tuple[Tracing, ...]:
-        """The teammates that trace the same room."""
-        found = (mate.tracing() for mate in self._mates.values())
-        return tuple(each for each in found if each is not None)
+    def view(self, now_s: float) -> TeamView:
+        """What the missions know of the teammates."""
+        claims = (mate.claim(now_s) for mate in self._mates.values())
+        tracings = (mate.tracing() for mate in self._mates.values())
+        return TeamView(
+            claims=tuple(each for each in claims if each is not None),
+            tracings=tuple(each for each in tracings if each is not None),
+            has_shared_map=any(mate.pieces for mate in self._mates.values()),
+        )
 
     def joined(self, grid: Occupancy) -> Occupancy:
         """A grid with the space that the teammates have seen."""

@@ -22,7 +22,7 @@ from typing import Protocol
 from companion.app import App, Inputs, Outputs
 from companion.config.settings import Config
 from companion.core.errors import ViewError
-from companion.view.access.secret import answer, is_loopback, needs_token, read_token
+from companion.core.secret import answer, is_loopback, needs_token, read_token
 from companion.view.snapshot import encode, snapshot
 
 GREETING = b"PDPS view 1\n"

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import msgspec
 
 from companion.core.errors import ViewError
-from companion.view.access.secret import answer
+from companion.core.secret import answer
 from companion.view.feed import CHALLENGE_BYTES, GREETING, LENGTH, PATIENCE_S
 from companion.view.snapshot import Snapshot, decode
 

@@ -6,7 +6,7 @@ centimetres and degrees off its own.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.app import App, Progress
-from companion.config.settings import MAX_DRONES, Config, PadConfig, TeamConfig
+from companion.config.settings import Config, PadConfig, TeamConfig, validated
 from companion.core.errors import SurveyError
 from companion.core.frames import Vector2, moved
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
@@ -32,16 +32,17 @@ from sitl.simulation.record import AIRBORNE_M, TruthRecord
 from sitl.simulation.simulation import Setup, start_state
 from sitl.simulation.team import TeamFlight, fly_team_in_lockstep
 from sitl.world.format import Start
-from sitl.world.geometry.model import WorldModel
+from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 
 TEAM = TeamConfig(name="sitl")
 """Defaults of a team: how exactly the drones stand on their pads."""
-PADS_APART_M = 2.0
-"""Distance between neighbouring pads, m. Chosen: a drone climbs while its neighbour waits."""
-PAD_CLEAR_M = 0.35
+PADS_APART_M, MAX_PADS_APART_M, PAD_STEP_M = 2.0, 6.0, 0.25
+"""Least distance between two pads, greatest from the start, and step between the distances that are
+tried, m. Chosen: a drone climbs while its neighbour waits."""
+PAD_BEARINGS = 24
+"""Bearings from the start that are tried for a pad. Chosen."""
+PAD_CLEAR_M = 0.25
 """Least clearance of a hull over a pad, at the height of the mission, m. Chosen."""
-MOST_DRONES = {"room": 2, "building": MAX_DRONES}
-"""Missions that a team divides, and between how many drones."""
 _ROWS = (
     ("drone", "{}"),
     ("ending", "{}"),
@@ -75,12 +76,9 @@ def fly_team(
     """Fly a team; the recordings are written to `out`, the map is not.
 
     Raises:
-        SitlError: the mission is not one that a team divides, or there is no place for a pad.
+        SitlError: there is no place for a pad.
+        ConfigError: the mission is not one that so many drones divide.
     """
-    kind = settings.mission.kind
-    if drones > MOST_DRONES.get(kind, 1):
-        by = ", ".join(f"{each} by up to {most}" for each, most in MOST_DRONES.items())
-        raise SitlError(f"--team {drones}: mission {kind!r} is not flown by so many; {by}")
     began_s = time.monotonic()
     setup, _ = options.setup()
     setups, configs = team_setups(setup, settings, drones)
@@ -116,6 +114,7 @@ def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup
 
     Raises:
         SitlError: there is no place for a pad.
+        ConfigError: the mission is not one that so many drones divide.
     """
     take_off = start_state(setup)
     start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
@@ -124,7 +123,8 @@ def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup
     setups, configs = [], []
     for number, offset in enumerate(offsets):
         team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
-        configs.append(settings.model_copy(update={"team": team}))
+        values = settings.model_dump(exclude_defaults=True) | {"team": team.model_dump()}
+        configs.append(validated(Config, values, f"--team {drones}"))
         draw = stream(setup.seed, f"pad {number}")
         error_m, error_rad = (
             (TEAM.pad_sigma_m, math.radians(TEAM.pad_sigma_deg)) if number else (0.0, 0.0)
@@ -158,21 +158,15 @@ def pad_offsets(setup: Setup, height_m: float, drones: int) -> list[Vector2]:
         """True if the way from the start to the pad is free, too."""
         places = (moved(start_ne_m, (s * offset[0], s * offset[1]), take_off.yaw_rad) for s in _WAY)
         return all(
-            model.clearance_m((north_m, east_m, -height_m)) > PAD_CLEAR_M + 0.2
+            model.clearance_m((north_m, east_m, -height_m)) > BODY_RADIUS_M + PAD_CLEAR_M
             for north_m, east_m in places
         )
 
     chosen: list[Vector2] = [(0.0, 0.0)]
-    for ring in range(1, drones + 1):
-        for step in range(8 * ring):
-            angle_rad = math.pi / 2 + math.tau * step / (8 * ring)
-            offset = (
-                round(PADS_APART_M * ring * math.cos(angle_rad), 3),
-                round(PADS_APART_M * ring * math.sin(angle_rad), 3),
-            )
-            is_apart = all(math.dist(offset, each) > PADS_APART_M - 1e-3 for each in chosen)
-            if len(chosen) < drones and is_apart and is_free(offset):
-                chosen.append(offset)
+    for offset in _candidates():
+        is_apart = all(math.dist(offset, each) > PADS_APART_M - 1e-3 for each in chosen)
+        if len(chosen) < drones and is_apart and is_free(offset):
+            chosen.append(offset)
     if len(chosen) < drones:
         raise SitlError(
             f"--team {drones}: there is room for {len(chosen)} pads near the start; choose another "
@@ -181,7 +175,19 @@ def pad_offsets(setup: Setup, height_m: float, drones: int) -> list[Vector2]:
     return chosen
 
 
-_WAY = tuple(np.linspace(0.0, 1.0, 9).tolist())
+def _candidates() -> Iterator[Vector2]:
+    """Places for pads, nearest first; those to the right of the start before the others."""
+    steps = round((MAX_PADS_APART_M - PADS_APART_M) / PAD_STEP_M)
+    for away_m in (PADS_APART_M + PAD_STEP_M * step for step in range(steps + 1)):
+        for number in range(PAD_BEARINGS):
+            bearing_rad = math.pi / 2 + math.tau * number / PAD_BEARINGS
+            yield (
+                round(away_m * math.cos(bearing_rad), 3),
+                round(away_m * math.sin(bearing_rad), 3),
+            )
+
+
+_WAY = tuple(np.linspace(0.0, 1.0, 25).tolist())
 """Shares of the way from the start to a pad."""
 
 

@@ -15,7 +15,7 @@ from websockets import Headers
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from companion.view.access.secret import is_loopback
+from companion.core.secret import is_loopback
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 

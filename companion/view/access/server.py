@@ -12,8 +12,8 @@ import viser
 from websockets.asyncio import server as websocket_server
 
 from companion.core.errors import ViewError
+from companion.core.secret import is_loopback, needs_token, read_token
 from companion.view.access.guard import Guard
-from companion.view.access.secret import is_loopback, needs_token, read_token
 
 BRAND = (42, 157, 143)
 """Colour of the page's theme, RGB, 0 to 255. Chosen."""

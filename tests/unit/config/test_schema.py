@@ -31,6 +31,7 @@ TYPES: dict[str, type | tuple[type, ...]] = {
     "integer": int,
     "number": (int, float),
     "object": dict,
+    "array": list,
     "null": type(None),
 }
 
@@ -51,6 +52,9 @@ def deviations(value: Any, part: dict[str, Any], schema: dict[str, Any], at: str
             yield f"{at} = {value!r}: {keyword} {part[keyword]}"
     if part.get("type") == "object":
         yield from _deviations_of_table(value, part, schema, at)
+    if part.get("type") == "array":
+        for number, entry in enumerate(value):
+            yield from deviations(entry, part["items"], schema, f"{at}[{number}]")
 
 
 def _deviations_of_table(

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from companion.config import settings
 from companion.core.errors import ConfigError
+from companion.core.secret import read_token
 from companion.core.textfile import NotTextError, decoded
-from companion.view.access.secret import read_token
 from sitl.autopilot.parameters.file import ParameterFile
 from sitl.autopilot.parameters.table import load_table
 from sitl.sensors.beam import load_beam_physics

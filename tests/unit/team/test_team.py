@@ -62,10 +62,10 @@ def test_of_two_drones_the_one_that_waits_gives_way() -> None:
 def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
     first, second = Member(1, 0), Member(2, 0)
     first.hear(0.0, second.tell(0.0, target=((1.0, 0.0),), arrives_in_s=4.0))
-    [claim] = first.team.claims(1.0)
+    [claim] = first.team.view(1.0)["claims"]
     assert claim.places_ne_m[0] == pytest.approx((1.0, 1.5))
     assert claim.arrives_in_s == pytest.approx(3.0)
-    assert not first.team.claims(SILENT_S + 0.1)
+    assert not first.team.view(SILENT_S + 0.1)["claims"]
     assert first.team.others(SILENT_S + 0.1, waits=False)
     assert not first.team.others(LOST_S + 0.1, waits=False)
 

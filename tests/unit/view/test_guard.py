@@ -13,9 +13,9 @@ from websockets.http11 import Request
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from companion.core.errors import ViewError
+from companion.core.errors import SecretError, ViewError
+from companion.core.secret import answer, is_loopback, read_token
 from companion.view.access.guard import Guard
-from companion.view.access.secret import answer, is_loopback, read_token
 from companion.view.access.server import PageServer, open_page
 from tests.waiting import DEADLINE_S
 
@@ -184,13 +184,13 @@ def test_a_port_in_use_is_reported(local: PageServer) -> None:
 def test_a_token_is_long_and_its_file_private(tmp_path: Path, token_file: Path) -> None:
     assert read_token(token_file, "--token-file") == TOKEN
     token_file.chmod(0o644)
-    with pytest.raises(ViewError, match=r"--token-file .*mode 644.*chmod 600"):
+    with pytest.raises(SecretError, match=r"--token-file .*mode 644.*chmod 600"):
         read_token(token_file, "--token-file")
     token_file.chmod(0o600)
     token_file.write_text("short")
-    with pytest.raises(ViewError, match="16 letters and digits"):
+    with pytest.raises(SecretError, match="16 letters and digits"):
         read_token(token_file, "--token-file")
-    with pytest.raises(ViewError, match="No such file"):
+    with pytest.raises(SecretError, match="No such file"):
         read_token(tmp_path / "none", "--token-file")
 
 

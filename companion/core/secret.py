@@ -6,7 +6,7 @@ import ipaddress
 import stat
 from pathlib import Path
 
-from companion.core.errors import ViewError
+from companion.core.errors import SecretError
 from companion.core.textfile import NotTextError, read_text, reason
 
 MIN_LETTERS = 16
@@ -42,19 +42,19 @@ def read_token(file: Path, key: str) -> str:
     `key` is the option or configuration key that names the file, for error texts.
 
     Raises:
-        ViewError: the file is missing, others can read it, or the token is too short.
+        SecretError: the file is missing, others can read it, or the token is too short.
     """
     try:
         mode = stat.S_IMODE(file.stat().st_mode)
         token = read_text(file).strip()
     except (OSError, NotTextError) as error:
-        raise ViewError(f"{key} {file}: {reason(error)}; {MAKE_ONE.format(file=file)}") from error
+        raise SecretError(f"{key} {file}: {reason(error)}; {MAKE_ONE.format(file=file)}") from error
     if mode & MORE_THAN_OWNER:
-        raise ViewError(
+        raise SecretError(
             f"{key} {file}: mode {mode:o}, others can read it; chmod 600 {file}, and replace it"
         )
     if len(token) < MIN_LETTERS or not token.isascii() or not token.isalnum():
-        raise ViewError(
+        raise SecretError(
             f"{key} {file}: should be {MIN_LETTERS} letters and digits or more; "
             f"{MAKE_ONE.format(file=file)}"
         )

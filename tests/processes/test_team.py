@@ -1,0 +1,65 @@
+"""Tests a team of two companion processes over Zenoh, in one simulated world."""
+
+import json
+import math
+import re
+from pathlib import Path
+
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from tests.processes.started import companion, free_tcp_port, read_until, sitl, started, stop
+from tests.waiting import DEADLINE_S
+
+WORLD = """
+name = "one room"
+height_m = 2.6
+walls = [{ points = [[0, 0], [8, 0], [8, 7], [0, 7]], closed = true }]
+starts = [
+  { name = "left", position = [4, 2.5], heading_deg = 0 },
+  { name = "right", position = [4, 4.5], heading_deg = 0 },
+]
+"""
+PADS = [{}, {"east_m": 2.0}]
+
+
+def pilot(number: int, ports: tuple[str, str], addresses: list[str], folder: Path) -> list[str]:
+    """`companion fly` for one drone of the team."""
+    mavlink_port, bus_port = ports
+    settings = Config.model_validate(
+        {
+            "link": {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number},
+            "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"},
+            "team": {"name": "pair", "drone": number, "pads": PADS, "addresses": addresses},
+        }
+    )
+    file = folder / f"drone_{number}.toml"
+    file.write_text(configuration.to_toml(settings))
+    return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
+
+
+def test_two_companions_trace_a_room_together(tmp_path: Path) -> None:
+    world, truth = tmp_path / "room.toml", tmp_path / "truth.json"
+    world.write_text(WORLD)
+    links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
+    pace = ("--lockstep", "--speed", "1000", "--truth", str(truth))
+    addresses = [f"127.0.0.1:{free_tcp_port()}" for _ in PADS]
+    with started(sitl("run", str(world), *links, *pace)) as vehicles:
+        output = "".join(read_until(vehicles, "sitl://") for _ in PADS)
+        found = re.findall(r"127\.0\.0\.1:(\d+)  system \d", output)
+        first = pilot(1, (found[0], found[1]), addresses, tmp_path)
+        second = pilot(2, (found[2], found[3]), addresses, tmp_path)
+        with started(first) as one, started(second) as other:
+            for flying in (one, other):
+                output, _ = flying.communicate(timeout=DEADLINE_S)
+                assert flying.returncode == 0, output
+                assert "mission complete" in output or "landed" in output
+        stop(vehicles)
+    walls_m = []
+    for number in (1, 2):
+        plan = json.loads((tmp_path / f"out_{number}" / "map.json").read_text())
+        ends = ((wall["start_ne_m"], wall["end_ne_m"]) for wall in plan["walls"])
+        walls_m.append(sum(math.dist(start, end) for start, end in ends))
+        flown = json.loads((truth if number == 1 else tmp_path / "truth_2.json").read_text())
+        assert flown["collisions"] == 0
+    assert sum(walls_m) > 27, "both together have seen the walls of 30 m"
+    assert min(walls_m) < 29, "neither has traced the whole room"
