@@ -263,7 +263,7 @@ class App:
         """Take the teammates' packets; return the teammates in the air."""
         if self._team is None or self.estimator is None:
             return ()
-        self._team.hear(now_s, inputs.team, self.estimator.mapped_walls)
+        self._team.hear(now_s, inputs.team, self.estimator.mapped_walls, self.space.grid)
         return self._team.others(now_s, waits=self.flight.waits)
 
     def _without_others(
@@ -380,6 +380,8 @@ class App:
         self.flight, action = phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
+        if self._team and self._team.notice and not self.flight.notice:
+            self.flight = replace(self.flight, notice=self._team.notice)
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
 

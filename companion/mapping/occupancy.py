@@ -165,6 +165,19 @@ class Occupancy:
         union.met_s[part] = np.where(own.met_s != 0, own.met_s, union.met_s[part])
         return self._with((low[0], low[1]), union)
 
+    def contradicted_by(self, own: "Occupancy", within_m: float) -> tuple[int, int]:
+        """Number of occupied cells here in space that another grid knows, and of those free there.
+
+        A cell does not count as free within a distance of an occupied cell there.
+        """
+        places = self._middles(np.nonzero(self.occupied), np.s_[0:, 0:])
+        rows, columns = (own._indices(places[:, axis], axis) for axis in (0, 1))
+        inside = (rows >= 0) & (rows < own.shape[0]) & (columns >= 0) & (columns < own.shape[1])
+        reach = round(within_m / CELL_M)
+        near = binary_dilation(own.occupied, iterations=reach)[rows[inside], columns[inside]]
+        free = own.free[rows[inside], columns[inside]] & ~near
+        return int((near | free).sum()), int(free.sum())
+
     def _part_of(self, low: Sequence[int]) -> tuple[slice, slice]:
         """Rows and columns of this grid in one that begins at `low`."""
         first = self._low[0] - low[0], self._low[1] - low[1]

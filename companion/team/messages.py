@@ -139,6 +139,10 @@ class PacketError(Exception):
 class OtherVersionError(PacketError):
     """A packet of another version of the messages."""
 
+    def __init__(self, team: str, drone: int, version: int) -> None:
+        super().__init__(f"drone {drone} sends version {version}, this is {VERSION}")
+        self.team, self.drone = team, drone
+
 
 class _Header(Struct, frozen=True, array_like=True):
     version: int
@@ -174,7 +178,7 @@ def decode(data: bytes) -> Packet:
     try:
         header = _header_decoder.decode(data)
         if header.version != VERSION:
-            raise OtherVersionError(f"version {header.version}; this is {VERSION}")
+            raise OtherVersionError(header.team, header.drone, header.version)
         body: Body = _body_decoder.decode(header.body)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise PacketError(str(error)) from None

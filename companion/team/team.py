@@ -25,6 +25,7 @@ from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Keyframes,
     MapPiece,
+    OtherVersionError,
     Packet,
     PacketError,
     State,
@@ -56,36 +57,56 @@ class Team:
         self._sent = 0
         self.dropped = 0
         """Number of packets that could not be used."""
-        own = config.pads[config.drone - 1]
+        self.notice = ""
+        """What the pilot should know of the team; the latest."""
+        self._mates = {
+            drone: self._new_mate(drone)
+            for drone in range(1, len(config.pads) + 1)
+            if drone != config.drone
+        }
+        self._doubles: dict[tuple[int, int], Teammate] = {}
+        """Drones with the number of another one, by number and instance."""
+
+    def _new_mate(self, drone: int) -> Teammate:
+        config = self._config
+        own, pad = config.pads[config.drone - 1], config.pads[drone - 1]
         sigma = math.sqrt(2) * np.array(
             [config.pad_sigma_m, config.pad_sigma_m, math.radians(config.pad_sigma_deg)]
         )
-        self._mates = {
-            drone: Teammate(_relative(own, pad), sigma, comes_first=drone < config.drone)
-            for drone, pad in enumerate(config.pads, 1)
-            if drone != config.drone
-        }
+        return Teammate(_relative(own, pad), sigma, comes_first=drone < config.drone)
 
-    def hear(self, now_s: float, packets: Sequence[bytes], walls: Callable[[], Unknowns]) -> None:
-        """Take the packets that have arrived; `walls` returns the walls of this drone."""
+    def hear(
+        self,
+        now_s: float,
+        packets: Sequence[bytes],
+        walls: Callable[[], Unknowns],
+        space: Occupancy,
+    ) -> None:
+        """Take the packets that have arrived.
+
+        `walls` returns the walls of this drone; `space` is its own grid.
+        """
         for data in packets:
             try:
                 self._take(now_s, decode(data))
+            except OtherVersionError as error:
+                self.dropped += 1
+                if error.team == self._config.name:
+                    self.notice = f"team: {error}; install one version on all drones"
             except PacketError:
                 self.dropped += 1
-        for mate in self._mates.values():
-            mate.refine(now_s, walls)
+        for drone, mate in self._mates.items():
             mate.advance()
+            if mate.refine(now_s, walls) and mate.contradicts(space):
+                self.notice = (
+                    f"team: drone {drone} contradicts this drone's map, so its map is not used; "
+                    "is it on its pad?"
+                )
 
     def _take(self, now_s: float, packet: Packet) -> None:
         if packet.team != self._config.name:
             return
-        mate = self._mates.get(packet.drone)
-        if mate is None:
-            raise PacketError(f"from drone {packet.drone}")
-        if packet.instance != mate.instance:
-            mate.reset()
-            mate.instance = packet.instance
+        mate = self._sender(now_s, packet)
         match packet.body:
             case State():
                 mate.hear_state(now_s, packet.body)
@@ -98,9 +119,30 @@ class Team:
             case Track():
                 mate.hear_track(packet.body)
 
+    def _sender(self, now_s: float, packet: Packet) -> Teammate:
+        """The teammate that sent a packet.
+
+        A restarted program takes its place once the one before has been silent for long enough.
+        Until then both are kept: there may be two drones with one number.
+        """
+        mate = self._mates.get(packet.drone)
+        if mate is None and packet.drone != self._config.drone:
+            raise PacketError(f"from drone {packet.drone}")
+        if mate is not None and (packet.instance == mate.instance or not mate.is_known(now_s)):
+            if packet.instance != mate.instance:
+                mate.reset(packet.instance)
+            return mate
+        key = packet.drone, packet.instance
+        if key not in self._doubles:
+            self._doubles[key] = self._new_mate(packet.drone)
+            self._doubles[key].reset(packet.instance)
+        self.notice = f"team: two drones have the number {packet.drone}; give each its own"
+        return self._doubles[key]
+
     def others(self, now_s: float, *, waits: bool) -> tuple[OtherDrone, ...]:
         """The teammates in the air. `waits`: this drone waits, and lets all others pass."""
-        found = (mate.drone(now_s, other_waits=waits) for mate in self._mates.values())
+        everybody = (*self._mates.values(), *self._doubles.values())
+        found = (mate.drone(now_s, other_waits=waits) for mate in everybody)
         return tuple(each for each in found if each is not None)
 
     def view(self, now_s: float) -> TeamView:
@@ -110,12 +152,12 @@ class Team:
         return TeamView(
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
-            has_shared_map=any(mate.pieces for mate in self._mates.values()),
+            has_shared_map=any(mate.pieces and mate.is_credible for mate in self._mates.values()),
         )
 
     def joined(self, grid: Occupancy) -> Occupancy:
         """A grid with the space that the teammates have seen."""
-        return grid.joined([mate.grid for mate in self._mates.values()])
+        return grid.joined([mate.grid for mate in self._mates.values() if mate.is_credible])
 
     @property
     def received(self) -> dict[int, int]:

@@ -37,6 +37,14 @@ LOST_S = 10.0
 """After this time its place is unknown, s. Chosen."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
+SAME_PLACE_M = 0.4
+"""An obstacle on its map is the same as one on the own map within this distance, m. Chosen: beyond
+the error of the alignment."""
+MIN_CELLS = 40
+"""Least obstacle cells of its map in space that the own map knows, for a comparison. Chosen."""
+MAX_CONTRADICTED_SHARE = 0.4
+"""Largest share of these cells that may be free on the own map. Chosen: at most 0.23 in a flight
+without a fault."""
 MAX_PENDING = 400
 """Most map pieces that wait for a missing one. Chosen: a flight of ten minutes has 300."""
 MAX_KEYFRAMES = 50_000
@@ -57,11 +65,13 @@ class Teammate:
         """
         self._pad, self._sigma = start, sigma
         self._comes_first = comes_first
-        self.instance = 0
-        self.reset()
+        self.reset(0)
 
-    def reset(self) -> None:
+    def reset(self, instance: int) -> None:
         """Forget all that an earlier start of its program has sent."""
+        self.instance = instance
+        self.is_credible = True
+        """Its map does not contradict the map of this drone."""
         self.start = self._pad.copy()
         """(3,): where it began, in this drone's frame."""
         self._is_aligned = False
@@ -132,17 +142,29 @@ class Teammate:
         """
         self._track_places, self._track = unpack_floats(track.places, 2), track
 
-    def refine(self, now_s: float, walls: Callable[[], Unknowns]) -> None:
-        """Align the maps by the walls of both, if it is time; `walls` returns the own ones."""
+    def refine(self, now_s: float, walls: Callable[[], Unknowns]) -> bool:
+        """Align the maps by the walls of both, if it is time; True if it was done.
+
+        `walls` returns the own walls.
+        """
         if self._walls is None or now_s - self._refined_s < REFINE_PERIOD_S:
-            return
+            return False
         self._refined_s = now_s
         known = walls()
         if not len(known.walls) or not len(self._walls.walls):
-            return
+            return False
         self.start = refined_start(self._walls, known, self._pad, self._sigma)
         self._is_aligned = True
         self._grid.correct(self._placed_keyframes())
+        return True
+
+    def contradicts(self, space: Occupancy) -> bool:
+        """Compare its map with the own grid; True if it is found not to be credible now."""
+        was_credible = self.is_credible
+        met, contradicted = self.grid.contradicted_by(space, SAME_PLACE_M)
+        if met >= MIN_CELLS:
+            self.is_credible = contradicted < MAX_CONTRADICTED_SHARE * met
+        return was_credible and not self.is_credible
 
     def advance(self) -> None:
         """Draw some of its rays."""
@@ -152,6 +174,10 @@ class Teammate:
     def grid(self) -> Occupancy:
         """The space that it has seen, in this drone's frame."""
         return self._grid.grid
+
+    def is_known(self, now_s: float) -> bool:
+        """True if its place is known."""
+        return now_s - self._heard_s < LOST_S
 
     def is_heard(self, now_s: float) -> bool:
         """True if it was heard lately."""
@@ -163,7 +189,7 @@ class Teammate:
         `other_waits`: this drone waits, and lets it pass.
         """
         state, age_s = self.state, now_s - self._heard_s
-        if state is None or age_s > LOST_S or not state.is_flying:
+        if state is None or not self.is_known(now_s) or not state.is_flying:
             return None
         yaw_rad = float(self.start[YAW])
         velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
@@ -186,7 +212,9 @@ class Teammate:
     def claim(self, now_s: float) -> Claim | None:
         """What it goes to look at; None if nothing, or if it is not heard any more."""
         state = self.state
-        if state is None or not self.is_heard(now_s) or not state.target:
+        if state is None or not self.is_heard(now_s) or not self.is_credible:
+            return None
+        if not state.target:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
@@ -195,7 +223,7 @@ class Teammate:
     def tracing(self) -> Tracing | None:
         """Its round of the room; None if it traces none."""
         track, state = self._track, self.state
-        if track is None or state is None:
+        if track is None or state is None or not self.is_credible:
             return None
         return Tracing(
             self._in_own_frame(state.ne_m),

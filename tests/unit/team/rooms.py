@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.config.settings import PadConfig, TeamConfig
 from companion.core.arrays import Array
-from companion.core.frames import along
+from companion.core.frames import Vector2, along
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.rays import Ray
 from companion.mapping.redrawn_grid import RedrawnGrid
@@ -43,13 +43,14 @@ def walls_of(drone: int, off: Array | None = None) -> Unknowns:
     return x
 
 
-def space_of(drone: int, turns: int) -> tuple[RedrawnGrid, Array]:
+def space_of(drone: int, turns: int, off_ne_m: Vector2 = (0.0, 0.0)) -> tuple[RedrawnGrid, Array]:
     """The grid of a drone that has turned on its pad, with its keyframes; 40 rays for each turn."""
     grid, keyframes = RedrawnGrid(), np.zeros((turns, 3))
-    north_m, east_m, yaw_rad = start_of(drone).tolist()
+    north_m, east_m, yaw_rad = (start_of(drone) + np.array([*off_ne_m, 0.0])).tolist()
     for turn in range(turns):
         rays = []
-        for bearing_rad in np.linspace(-math.pi, math.pi, 40, endpoint=False).tolist():
+        first_rad = -math.pi + math.tau / 40 * turn / turns
+        for bearing_rad in (first_rad + np.arange(40) * math.tau / 40).tolist():
             unit = along((0.0, 0.0), bearing_rad + yaw_rad, 1.0)
             ends = [
                 (HALF_M - abs(at) * math.copysign(1, at * by)) / abs(by)
@@ -92,9 +93,14 @@ class Member:
         self.walls = walls_of(drone, off)
         self.own = OwnMap(self.grid, keyframes, lambda: self.walls, None)
 
+    def move(self, off_ne_m: Vector2) -> None:
+        """Stand off the pad, in the frame of the first drone, and turn there."""
+        self.grid, keyframes = space_of(2, len(self.own.keyframes), off_ne_m)
+        self.own = OwnMap(self.grid, keyframes, lambda: self.walls, None)
+
     def tell(self, now_s: float, **fields: object) -> tuple[bytes, ...]:
         told = state((0.0, 0.0), received=self.team.received, **fields)
         return self.team.tell(now_s, told, self.own)
 
     def hear(self, now_s: float, packets: tuple[bytes, ...]) -> None:
-        self.team.hear(now_s, packets, lambda: self.walls)
+        self.team.hear(now_s, packets, lambda: self.walls, self.grid.grid)

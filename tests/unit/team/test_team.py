@@ -3,6 +3,7 @@
 import math
 from random import Random
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,10 +11,10 @@ from hypothesis import strategies as st
 
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import Occupancy
-from companion.team.messages import Packet, encode
+from companion.team.messages import VERSION, Packet, encode
 from companion.team.team import Team
 from companion.team.teammate import LOST_S, SILENT_S
-from tests.unit.team.rooms import PADS, Member, config, state
+from tests.unit.team.rooms import PADS, Member, config, state, walls_of
 
 TICK_S = 0.05
 SEEN_NE_M: Vector2 = (2.0, -1.0)
@@ -124,15 +125,54 @@ def test_strange_packets_are_dropped_and_counted() -> None:
     team = Team(config(1))
     foreign = encode(Packet("others", 2, 0, 0, state()()))
     unknown = encode(Packet("test", len(PADS) + 1, 0, 0, state()()))
-    team.hear(0.0, (b"", b"\x93nonsense", foreign, unknown), Member(1, 0).tell)  # type: ignore[arg-type]
+    packets = b"", b"\x93nonsense", foreign, unknown
+    team.hear(0.0, packets, lambda: walls_of(1), Occupancy())
     assert team.dropped == 3
     assert not team.others(0.0, waits=False)
 
 
-def test_a_restarted_teammate_begins_anew() -> None:
+def test_a_restarted_teammate_begins_anew_when_the_one_before_is_silent() -> None:
     first, second = Member(1, 0), Member(2, 40)
     talk(first, second, 30.0)
     again = Member(2, 0)
     again.team = Team(config(2), instance=9)
-    first.hear(30.0, again.tell(30.0))
+    first.hear(31.0, again.tell(31.0))
+    assert first.team.received == {2: 10}
+    first.hear(30.0 + LOST_S, again.tell(30.0 + LOST_S))
     assert first.team.received == {2: 0}
+
+
+def test_two_drones_with_one_number_are_kept_apart_and_told() -> None:
+    first, second, double = Member(1, 0), Member(2, 0), Member(2, 0)
+    double.team = Team(config(2), instance=9)
+    first.hear(0.0, second.tell(0.0))
+    assert not first.team.notice
+    packets = double.team.tell(0.1, state((2.0, 0.0)), double.own)
+    first.hear(0.1, packets)
+    assert len(first.team.others(0.1, waits=False)) == 2
+    assert "two drones have the number 2" in first.team.notice
+    second.hear(0.1, packets)
+    assert "two drones have the number 2" in second.team.notice
+    assert len(second.team.others(0.1, waits=False)) == 1
+
+
+def test_a_drone_with_other_software_is_told() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    [told, *_] = second.tell(0.0)
+    header = msgspec.msgpack.decode(told)
+    header[0] = VERSION + 1
+    first.hear(0.0, (msgspec.msgpack.encode(header),))
+    assert "drone 2 sends version 2" in first.team.notice
+    assert first.team.dropped == 1
+
+
+@pytest.mark.parametrize("off_m", [0.0, 2.0])
+def test_the_map_of_a_drone_that_is_not_on_its_pad_is_not_used(off_m: float) -> None:
+    """The second drone stands 2 m off; its walls cannot be matched with those of the first."""
+    first, second = Member(1, 40), Member(2, 40, np.array([off_m, -off_m, 0.0]))
+    second.move((off_m, -off_m))
+    talk(first, second, 40.0)
+    is_used = off_m == 0
+    assert ("drone 2 contradicts" in first.team.notice) == (not is_used)
+    assert first.team.view(40.0)["has_shared_map"] == is_used
+    assert first.team.others(40.0, waits=False)
