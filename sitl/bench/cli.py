@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from companion.config.settings import MAX_DRONES, TEAM_DRONES
 from companion.core.errors import OutputError
 from sitl.running.options import (
     Autopilot,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from sitl.bench.missions import Flown
     from sitl.bench.summary import Summary
     from sitl.bench.surveys import SurveyFlown
+    from sitl.bench.teams import TeamFlown
     from sitl.scoring.report import Report
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
@@ -241,6 +243,56 @@ def surveys(
         console.print(survey_table(result))
         for line in failed(flown):
             console.print(line, soft_wrap=True, markup=False)
+
+
+@commands.command()
+def teams(
+    worlds: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="As for `bench missions`; one team from the first start of each. Repeatable."
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Teams in each world: seeds 1 to N.", min=1)] = 1,
+    profile: Profile = DEFAULT_PROFILE,
+    autopilot: Annotated[Autopilot, typer.Option(help="Emulated firmware.")] = (
+        Autopilot.ARDUPILOT
+    ),
+    mission: Annotated[str, typer.Option(help=f"Mission: {', '.join(TEAM_DRONES)}.")] = "building",
+    drones: Annotated[int, typer.Option(help="Drones of a team.", min=2, max=MAX_DRONES)] = 2,
+    battery_s: Battery = None,
+    as_json: AsJson = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for teams.json, updated after each team, and a sheet."),
+    ] = None,
+) -> None:
+    """Fly teams on all cores, and compare each with one drone in the same world."""
+    from companion.export.map_files import save_as  # noqa: PLC0415 - slow to load
+    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
+    from sitl.bench.sets import from_first_starts, jobs_for  # noqa: PLC0415
+    from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
+    from sitl.bench.teams import TeamJob, fly, lost, sum_up, team_table  # noqa: PLC0415
+
+    flights = jobs_for(
+        worlds or ["paper"], seeds, [profile], mission, autopilot=autopilot, battery_s=battery_s
+    )
+    jobs = [TeamJob(job, drones) for job in from_first_starts(flights)]
+    ended: list[TeamFlown] = []
+
+    def progress_text(flown: "TeamFlown") -> str:
+        ended.append(flown)
+        if out is not None:  # kept if interrupted; a full disk is no reason to stop
+            with suppress(OutputError):
+                save_as(_save_json, sum_up(ended), out / "teams.json")
+                save_as(draw_sheet, [each.joint for each in ended], out / "teams.png")
+        return f"{flown.row['world']}: {flown.row['ending']}"
+
+    result = sum_up(with_a_bar(jobs, progress_text, fly, lost))
+    if as_json:
+        print(json.dumps(result, indent=1))
+    else:
+        Console(highlight=False).print(team_table(result))
 
 
 def _save_json(result: "Summary", path: Path) -> None:

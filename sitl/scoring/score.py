@@ -81,7 +81,7 @@ def score_map(
     that the simulator added at the border to the unknown: mapped walls there do not count.
     """
     truth = _Truth(surfaces, closed)
-    mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
+    mapped = to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
     error_m = _those_that_count(truth.errors_m(mapped))
     if not len(error_m):
         return NOTHING_MAPPED
@@ -138,7 +138,7 @@ def _mean_sigma_m(plan: FloorPlan) -> float:
 
 def _error_in_sigmas(plan: FloorPlan, truth: _Truth, take_off: TrueState) -> float:
     middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
-    error_m = truth.errors_m(_to_world(middles, take_off))
+    error_m = truth.errors_m(to_world(middles, take_off))
     sigma_m = np.array([wall.sigma_m for wall in plan.walls])
     counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
     return (
@@ -153,7 +153,7 @@ def score_trajectory(
     truth = _at_times(truth, [pose.time_s for pose in path])
     estimated = _trajectory(
         [pose.time_s for pose in path],
-        _to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
+        to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
         [pose.yaw_rad + take_off.yaw_rad for pose in path],
     )
     true = _trajectory(
@@ -223,7 +223,7 @@ def _rigid_fit(source: Array, target: Array, points: Array) -> Array:
     return moved
 
 
-def _to_world(points: Array, take_off: TrueState) -> Array:
+def to_world(points: Array, take_off: TrueState) -> Array:
     """Transform local NED (north, east) to the world frame by the true take-off pose."""
     cos_yaw, sin_yaw = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
     rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])

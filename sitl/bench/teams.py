@@ -1,0 +1,215 @@
+"""Flies teams and compares each with one drone in the same world."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from companion.app import Progress
+from companion.core.arrays import Array
+from companion.core.messages import FloorPlan, Hit
+from companion.pdps.flight.state import Phase
+from companion.pdps.room_scan_state import ScanPhase
+from sitl.bench import missions
+from sitl.bench.missions import Flown, Job, Sketch, in_world
+from sitl.bench.parallel import attempted
+from sitl.running.team import TeamResult, scored, team_setups
+from sitl.scoring.coverage_time import first_seen_s, time_to_see_s
+from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.simulation import Setup, start_state
+from sitl.simulation.team import fly_team_in_lockstep
+from sitl.testing.mission_file import load_mission
+from sitl.world.plan import observable_points, wall_surfaces
+
+SAME_SHARE = 0.98
+"""Time is compared at this share of the lower coverage of the two. Chosen: the last percents depend
+on which corner happens to be the last."""
+OF_A_SINGLE = ("completed", "coverage", "wall_error_aligned_cm", "flight_time_s", "collisions")
+"""Keys of the comparison with one drone."""
+
+
+@dataclass(frozen=True, slots=True)
+class TeamJob:
+    """A team to fly."""
+
+    single: Job
+    drones: int
+
+    @property
+    def key(self) -> Report:
+        """Columns that identify its row."""
+        return {**self.single.key, "mission": self.single.mission, "drones": self.drones}
+
+
+@dataclass(frozen=True, slots=True)
+class TeamFlown:
+    """Result of a team, with a row for each drone."""
+
+    joint: Flown
+    drones: tuple[Report, ...] = ()
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """All results, for `--json`."""
+        return {**self.joint.row, "rows": self.drones}
+
+
+class _Trace:
+    """Time from the first turn of any drone to the end of the last one's trace."""
+
+    def __init__(self) -> None:
+        self._began_s, self._ended_s = math.inf, 0.0
+        self._returned: set[int] = set()
+
+    def watch(self, number: int, progress: Progress) -> None:
+        if progress.activity == ScanPhase.TURN.value:
+            self._began_s = min(self._began_s, progress.time_s)
+        if progress.activity == Phase.HOME.value and number not in self._returned:
+            self._returned.add(number)
+            self._ended_s = max(self._ended_s, progress.time_s)
+
+    @property
+    def seconds(self) -> float | None:
+        seconds = self._ended_s - self._began_s
+        return round(seconds, 1) if math.isfinite(seconds) else None
+
+
+def fly(job: TeamJob) -> TeamFlown:
+    """Fly; an exception becomes a row of the results."""
+    return attempted(job, _fly, lost)
+
+
+def lost(job: TeamJob, why: str) -> TeamFlown:
+    """The row of a team without a report."""
+    flown = missions.lost(job.single, why)
+    return TeamFlown(Flown({**flown.row, **job.key}))
+
+
+def _fly(job: TeamJob) -> TeamFlown:
+    began_s = time.monotonic()
+    setup, _ = job.single.options.setup()
+    settings = job.single.options.settings(load_mission(job.single.mission).settings)
+    setups, configs = team_setups(setup, settings, job.drones)
+    trace = _Trace()
+    flight = fly_team_in_lockstep(setups, configs, trace.watch)
+    waited_s = time.monotonic() - began_s
+    team = scored(setup, configs, flight, waited_s)
+    alone = _Trace()
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: alone.watch(0, progress))
+    plan = app.final_floor_plan()
+    single = make_report(
+        setup, settings, plan, simulation.record, outcome=app.flight, waited_s=waited_s
+    )
+    times_s = _times(setup, settings.mission.height_m, team, plan)
+    row: Report = {
+        **team.joint,
+        **job.key,
+        "lost": False,
+        "trace_s": trace.seconds,
+        "trace_ratio": _ratio(trace.seconds, alone.seconds),
+        "coverage_ratio": _ratio(*times_s),
+        "landing_ratio": _ratio(team.joint["flight_time_s"], single["flight_time_s"]),
+        **{f"single_{key}": single[key] for key in OF_A_SINGLE},
+        "single_trace_s": alone.seconds,
+    }
+    truths = [vehicle.record for vehicle in flight.fleet.vehicles]
+    walls = [
+        (in_world(truths[0].take_off, wall.start_ne_m), in_world(truths[0].take_off, wall.end_ne_m))
+        for wall in team.merged.plan.walls
+    ]
+    paths = [[state.position_ned_m[:2] for state in truth.path] for truth in truths]
+    truth = wall_surfaces(setup.world, settings.mission.height_m)
+    return TeamFlown(Flown(row, Sketch(truth, walls, paths)), tuple(team.rows))
+
+
+def _times(
+    setup: Setup, height_m: float, team: TeamResult, single: FloorPlan
+) -> tuple[float, float]:
+    """Time to the same coverage, s: of the team, and of one drone."""
+    start = start_state(setup)
+    north_m, east_m, _ = start.position_ned_m
+    observable = observable_points(setup.world, height_m, (north_m, east_m))
+    hits = team.merged.plan.hits
+    joint_s = [hit.time_s for hit in hits]
+    later_s = [flight.later_s for flight in team.merged.flights]
+    own_s = [
+        at_s - later_s[number]
+        for at_s, number in zip(joint_s, team.merged.flight_of(joint_s), strict=True)
+    ]
+    both = (
+        first_seen_s(hits, own_s, observable, start),
+        first_seen_s(single.hits, _own_times(single.hits), observable, start),
+    )
+    share = SAME_SHARE * min(map(_seen_share, both))
+    team_s, single_s = (time_to_see_s(seen_s, share) for seen_s in both)
+    return team_s, single_s
+
+
+def _own_times(hits: Sequence[Hit]) -> list[float]:
+    return [hit.time_s for hit in hits]
+
+
+def _seen_share(seen_s: Array) -> float:
+    return float((seen_s < math.inf).mean())
+
+
+def _ratio(of_team: object, of_one: object) -> float | None:
+    if not isinstance(of_team, int | float) or not isinstance(of_one, int | float) or not of_one:
+        return None
+    return round(of_team / of_one, 3)
+
+
+def sum_up(teams: Sequence[TeamFlown]) -> dict[str, Any]:
+    """All rows and a total: the output of `--json`."""
+    flown = [each.row for each in teams if not each.row["lost"]]
+    totals: dict[str, Any] = {
+        "teams": len(teams),
+        "completed": sum(row["completed"] for row in flown),
+        "lost": len(teams) - len(flown),
+        "collisions": sum(row["collisions"] for row in flown),
+    }
+    if flown:
+        totals["apart_min_m"] = min(row["apart_m"] for row in flown)
+        totals["coverage_median"] = round(median(row["coverage"] for row in flown), 4)
+    for key in ("trace_ratio", "coverage_ratio", "landing_ratio"):
+        ratios = [row[key] for row in flown if row[key] is not None]
+        totals[f"{key}_mean"] = round(sum(ratios) / len(ratios), 3) if ratios else None
+    return {"rows": [each.row for each in teams], "totals": totals}
+
+
+_COLUMNS = (
+    ("mission", "{mission}"),
+    ("drones", "{drones}"),
+    ("hits", "{collisions}"),
+    ("apart\nm", "{apart_m:.2f}"),
+    ("coverage", "{coverage:.1%}"),
+    ("walls\ncm", "{wall_error_aligned_cm:.1f}"),
+    ("one\ncm", "{single_wall_error_aligned_cm:.1f}"),
+    ("trace\nratio", "{trace_ratio:.2f}"),
+    ("same coverage\nratio", "{coverage_ratio:.2f}"),
+    ("landing\nratio", "{landing_ratio:.2f}"),
+)
+
+
+def team_table(result: dict[str, Any]) -> Table:
+    """A row for each team, and the totals as caption."""
+    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading, _ in _COLUMNS:
+        table.add_column(heading, justify="right")
+    for row in result["rows"]:
+        table.add_row(row["world"], *(_cell(form, row) for _, form in _COLUMNS))
+    table.caption = ", ".join(f"{key}: {value}" for key, value in result["totals"].items())
+    return table
+
+
+def _cell(form: str, row: dict[str, Any]) -> str:
+    try:
+        return form.format(**row)
+    except (KeyError, TypeError, ValueError):
+        return "–"
