@@ -29,7 +29,8 @@ from companion.survey.merge import MergedFlight, Starts, merge
 from sitl.bench.parallel import attempted
 from sitl.bench.sets import jobs_for
 from sitl.core.noise import stream
-from sitl.running.sorties import PAD, together
+from sitl.running.sorties import PAD
+from sitl.scoring.joint import together
 from sitl.scoring.report import make_report
 from sitl.sensors.beam import RAY
 from sitl.simulation.lockstep import fly_in_lockstep

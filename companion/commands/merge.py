@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.core.errors import ConfigError, RecordingError
+from companion.survey.pad import PAD_SIGMA_DEG, PAD_SIGMA_M
 
 if TYPE_CHECKING:
     from companion.core.arrays import Array
@@ -50,13 +51,25 @@ def merge_command(
         ),
     ] = None,
     pad_sigma_m: Annotated[
-        float, typer.Option(min=0.001, max=1.0, help="Standard deviation of the starts, m.")
-    ] = 0.05,
+        float | None,
+        typer.Option(
+            min=0.001,
+            max=1.0,
+            help=f"Standard deviation of the starts, m; default {PAD_SIGMA_M}, or of the team.",
+        ),
+    ] = None,
     pad_sigma_deg: Annotated[
-        float, typer.Option(min=0.01, max=20.0, help="Standard deviation of the headings, °.")
-    ] = 3.0,
+        float | None,
+        typer.Option(
+            min=0.01,
+            max=20.0,
+            help=f"Standard deviation of headings, °; default {PAD_SIGMA_DEG}, or of the team.",
+        ),
+    ] = None,
 ) -> None:
     """Make one map from several flights; see docs/surveys.md.
+
+    Flights of one team begin on the team's pads.
 
     Exit status 1 if a flight did not fit and is left out of the map.
     """
@@ -70,7 +83,9 @@ def merge_command(
     console = Console(highlight=False, markup=False)
     recordings = [read(path) for path in flights]
     _check(recordings)
-    given = _given(start or [], [recording.path.name for recording in recordings])
+    names = [recording.path.name for recording in recordings]
+    of_team, (sigma_m, sigma_deg) = _team_starts(recordings)
+    given = of_team | _given(start or [], names)
     flown = []
     for number, recording in enumerate(recordings, 1):
         if not is_kept(recording.path, out):
@@ -79,7 +94,8 @@ def merge_command(
     if starts is StartsKnown.UNKNOWN:
         console.print("searching where the flights began")
     console.print("solving all flights together")
-    pad_sigma = np.array([pad_sigma_m, pad_sigma_m, np.radians(pad_sigma_deg)])
+    sigma_m, sigma_deg = pad_sigma_m or sigma_m, pad_sigma_deg or sigma_deg
+    pad_sigma = np.array([sigma_m, sigma_m, np.radians(sigma_deg)])
     merged = merge(flown, Starts(pad_sigma, given, starts is StartsKnown.UNKNOWN))
     files = save(merged.plan, out)
     console.print(_summary(merged))
@@ -101,6 +117,27 @@ def _check(recordings: "list[Recording]") -> None:
     for path in paths:
         if paths.count(path) > 1:
             raise RecordingError(f"{path}: named twice; its measurements would count twice")
+
+
+def _team_starts(
+    recordings: "list[Recording]",
+) -> "tuple[dict[str, Array], tuple[float, float]]":
+    """Starts (3,) on the pads of a team by the name of the flight, and their sigmas, m and °.
+
+    No starts, and the sigmas of one pad, if the flights are not of one team.
+    """
+    from companion.team.pads import relative_pad  # noqa: PLC0415 - not for the drone
+
+    teams = [recording.config.team for recording in recordings]
+    first = teams[0]
+    if not first.name or any((each.name, each.pads) != (first.name, first.pads) for each in teams):
+        return {}, (PAD_SIGMA_M, PAD_SIGMA_DEG)
+    own = first.pads[first.drone - 1]
+    given = {
+        recording.path.name: relative_pad(own, team.pads[team.drone - 1])
+        for recording, team in zip(recordings[1:], teams[1:], strict=True)
+    }
+    return given, (first.pad_sigma_m, first.pad_sigma_deg)
 
 
 def _given(texts: list[str], names: list[str]) -> "dict[str, Array]":

@@ -29,10 +29,8 @@ from companion.export.map_files import save, save_as
 from companion.recording.reader import Recording, read
 from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
+from companion.survey.pad import PAD_SIGMA_DEG, PAD_SIGMA_M
 from companion.survey.solved import is_kept, kept_or_solved
-
-PAD_SIGMA_M, PAD_SIGMA_DEG = 0.05, 3.0
-"""Standard deviations of where a person puts a drone on a marked pad. Chosen."""
 
 Tell = Callable[[str], None]
 """Prints a line of progress."""

@@ -13,11 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypedDict
 
-import numpy as np
-
-from companion.config.settings import PadConfig, TeamConfig
-from companion.core.arrays import Array
-from companion.core.frames import ned_to_frd
+from companion.config.settings import TeamConfig
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Claim, Tracing
@@ -34,6 +30,7 @@ from companion.team.messages import (
     decode,
     encode,
 )
+from companion.team.pads import pad_sigma, relative_pad
 from companion.team.sharing import OwnMap, Sharing
 from companion.team.teammate import Teammate
 
@@ -70,10 +67,8 @@ class Team:
     def _new_mate(self, drone: int) -> Teammate:
         config = self._config
         own, pad = config.pads[config.drone - 1], config.pads[drone - 1]
-        sigma = math.sqrt(2) * np.array(
-            [config.pad_sigma_m, config.pad_sigma_m, math.radians(config.pad_sigma_deg)]
-        )
-        return Teammate(_relative(own, pad), sigma, comes_first=drone < config.drone)
+        sigma = math.sqrt(2) * pad_sigma(config)
+        return Teammate(relative_pad(own, pad), sigma, comes_first=drone < config.drone)
 
     def hear(
         self,
@@ -178,10 +173,3 @@ class Team:
             packet = Packet(self._config.name, self._config.drone, self._instance, self._sent, body)
             self._sent += 1
             yield encode(packet)
-
-
-def _relative(own: PadConfig, other: PadConfig) -> Array:
-    """(3,): another pad in the frame of the own one: north, east, m, and heading, rad."""
-    yaw_rad = math.radians(own.heading_deg)
-    place = ned_to_frd(other.north_m - own.north_m, other.east_m - own.east_m, yaw_rad)
-    return np.array([*place, math.radians(other.heading_deg) - yaw_rad])

@@ -18,12 +18,13 @@ from companion.pdps.room_scan_state import ScanPhase
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
 from sitl.bench.parallel import attempted
-from sitl.running.team import TeamResult, scored, team_setups
 from sitl.scoring.coverage_time import first_seen_s, time_to_see_s
 from sitl.scoring.report import Report, make_report
+from sitl.scoring.team_report import TeamResult, scored
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, start_state
 from sitl.simulation.team import fly_team_in_lockstep
+from sitl.simulation.team_pads import team_setups
 from sitl.testing.mission_file import load_mission
 from sitl.world.plan import observable_points, wall_surfaces
 

@@ -30,6 +30,7 @@ from companion.survey.solved import keep
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions
+from sitl.scoring.joint import return_m, together
 from sitl.scoring.report import Report, least_clear_in_the_open_m, make_report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
@@ -212,22 +213,6 @@ def on_the_pad(setup: Setup, number: int, then: World) -> Setup:
     return replace(setup, world=world, start=0, seed=draw.randrange(2**31))
 
 
-def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
-    """The true flights one after the other, at the times of the joint map."""
-    joint = TruthRecord(truths[0].take_off)
-    joint.clearance_m = min(truth.clearance_m for truth in truths)
-    joint.collisions = sum(truth.collisions for truth in truths)
-    joint.air_time_s = sum(truth.air_time_s for truth in truths)
-    later_s = {flight.name: flight.later_s for flight in merged.flights}
-    joint.path = [
-        replace(state, time_s=state.time_s + later_s[name])
-        for number, truth in enumerate(truths, 1)
-        if (name := f"flight {number}") in later_s
-        for state in truth.path
-    ]
-    return joint
-
-
 def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
     """Results of one flight, and the coverage that the survey has with it."""
     ending = app.flight.ending
@@ -242,8 +227,3 @@ def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
         "coverage": joint["coverage"],
         "wall_error_aligned_cm": joint["wall_error_aligned_cm"],
     }
-
-
-def return_m(truth: TruthRecord) -> float:
-    """Distance of the landing place from the take-off place of a flight, m."""
-    return math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2])

@@ -29,7 +29,7 @@ from sitl.testing.actions.vehicle import (
     restart_autopilot,
     stay_taking_off,
 )
-from sitl.testing.flight import Flight, Sitl
+from sitl.testing.flight import Flight, Sitl, TeamOutcome
 from sitl.testing.script import Event, at, optional, watch, when
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "Event",
     "Flight",
     "Sitl",
+    "TeamOutcome",
     "at",
     "bad_link",
     "battery",

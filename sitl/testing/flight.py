@@ -13,14 +13,21 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.autopilot.core import NO_PARAMETERS
+from sitl.core.radio import LinkErrors
 from sitl.scoring.report import Report, make_report
+from sitl.scoring.team_report import TeamResult, scored
 from sitl.sensors.beam import beam_physics
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup, Simulation
+from sitl.simulation.team import Script as TeamScript
+from sitl.simulation.team import TeamFlight, fly_team_in_lockstep, no_script
+from sitl.simulation.team_pads import team_setups
+from sitl.simulation.team_radio import USUAL_ERRORS
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, Play
 from sitl.world.clutter import cluttered
+from sitl.world.format import World
 from sitl.world.loading import load_world, world_names
 
 
@@ -90,6 +97,35 @@ class Flight:
         )
 
 
+@dataclass
+class TeamOutcome:
+    """The result of a team's flight."""
+
+    flight: TeamFlight
+    """Companions, vehicles and radio."""
+    result: TeamResult
+
+    @property
+    def completed(self) -> bool:
+        """All drones completed the mission without a collision."""
+        return bool(self.result.joint["completed"])
+
+    @property
+    def plan(self) -> FloorPlan:
+        """The joint map."""
+        return self.result.merged.plan
+
+    @property
+    def report(self) -> ReportView:
+        """Scores of the joint map, by the keys of `sitl fly --team --report`."""
+        return ReportView(self.result.joint)
+
+    @property
+    def drones(self) -> list[ReportView]:
+        """Results of each drone."""
+        return [ReportView(row) for row in self.result.rows]
+
+
 class Sitl:
     """Flies missions in simulation. Relative file names are searched in `folder` first."""
 
@@ -114,7 +150,7 @@ class Sitl:
         script: Sequence[Event] = (),
         record: Path | None = None,
     ) -> Flight:
-        """Fly one mission to its end.
+        """Fly one mission to its end; `fly_team` flies several drones.
 
         Args:
             world: name of a built-in world, or a file.
@@ -140,10 +176,9 @@ class Sitl:
         flown = load_mission(str(self._path(mission)))
         overrides = {"sensors.profile": profile, **flown.settings, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
-        name = world if world in world_names() else str(self._path(world))
-        physics = beam_physics(beam or {}, "beam")
         used_seed = seed if clutter_seed is None else clutter_seed
-        place = cluttered(load_world(name), clutter, used_seed)
+        name, place = self._world(world, clutter, used_seed)
+        physics = beam_physics(beam or {}, "beam")
         setup = Setup(place, name, seed, loaded.sensors, autopilot, parameters, physics)
         began_s = time.monotonic()
 
@@ -169,6 +204,57 @@ class Sitl:
                 f"these events: {events.missed}; use optional(...) for those that need not happen"
             )
         return flight
+
+    def fly_team(
+        self,
+        world: str,
+        drones: int = 2,
+        *,
+        mission: str = "room",
+        seed: int = 1,
+        profile: str = "gp2y0a710k0f",
+        autopilot: str = "ardupilot",
+        settings: Mapping[str, object] | None = None,
+        clutter: float = 0.0,
+        radio: LinkErrors = USUAL_ERRORS,
+        script: TeamScript = no_script,
+    ) -> TeamOutcome:
+        """Fly a team until its last drone has ended.
+
+        Args:
+            world: name of a built-in world, or a file.
+            drones: number of drones; their pads stand near the world's first start.
+            mission: "room" or "building".
+            seed: seed of the flight; the same seed gives the same flight.
+            profile: profile of the range sensors.
+            autopilot: "ardupilot" or "px4".
+            settings: single values of every companion's configuration.
+            clutter: difficulty of the clutter, 0 to 1.
+            radio: errors of the radio between the drones.
+            script: called before every tick; may inject faults.
+
+        Raises:
+            WorldError, ConfigError: a file or value is invalid.
+            SitlError: there is no place for a pad.
+        """
+        overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
+        loaded = configuration.load(None, overrides)
+        name, place = self._world(world, clutter, seed)
+        setup = Setup(place, name, seed, loaded.sensors, autopilot)
+        setups, configs = team_setups(setup, loaded, drones)
+        began_s = time.monotonic()
+
+        def watch(number: int, progress: Progress) -> None:
+            """Ignore the progress."""
+
+        flight = fly_team_in_lockstep(setups, configs, watch, script=script, radio_errors=radio)
+        result = scored(setup, configs, flight, time.monotonic() - began_s)
+        return TeamOutcome(flight, result)
+
+    def _world(self, world: str, clutter: float, clutter_seed: int) -> tuple[str, World]:
+        """Name and content of a world."""
+        name = world if world in world_names() else str(self._path(world))
+        return name, cluttered(load_world(name), clutter, clutter_seed)
 
     def _path(self, name: str) -> Path:
         beside = self._folder / name

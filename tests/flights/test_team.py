@@ -1,78 +1,74 @@
 """Tests of teams: two drones share the work, keep apart, and bring back one map."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
+from companion.app import App
 from sitl.core.errors import SitlError
 from sitl.core.radio import LinkErrors
-from sitl.running.options import FlightOptions
-from sitl.running.team import TeamResult, scored, team_setups
-from sitl.simulation.team import Watch, fly_team_in_lockstep
-from sitl.simulation.team_radio import USUAL_ERRORS
-from sitl.testing.flight import ReportView
+from sitl.simulation.fleet import Fleet
+from sitl.simulation.team_radio import TeamAir
+from sitl.testing import Sitl
 from tests.worlds import ROOM
 
-ROOMS = str(Path(__file__).parent / "worlds" / "two_small_rooms.toml")
+ROOMS = "worlds/two_small_rooms.toml"
 BAD_RADIO = LinkErrors(loss=0.3, jitter_s=0.3)
 MIN_APART_M, MAX_BYTES_PER_S = 0.6, 20_000
 
 
-def show_nothing(number: int, progress: object) -> None:
-    """Ignore the progress."""
-
-
-def flown(
-    world: str,
-    kind: str,
-    drones: int = 2,
-    *,
-    seed: int = 1,
-    radio_errors: LinkErrors = USUAL_ERRORS,
-    watch: Watch = show_nothing,
-) -> TeamResult:
-    options = FlightOptions(world, seed, "gp2y0a710k0f", "ardupilot")
-    settings = options.settings({"mission.kind": kind})
-    setup, _ = options.setup()
-    setups, configs = team_setups(setup, settings, drones)
-    flight = fly_team_in_lockstep(setups, configs, watch, radio_errors=radio_errors)
-    return scored(setup, configs, flight, 1.0)
-
-
-def test_two_drones_trace_a_room_in_less_time_than_one() -> None:
+def test_two_drones_trace_a_room_in_less_time_than_one(sitl: Sitl) -> None:
     """One drone needs 85 s."""
-    team = flown("room_100", "room")
-    joint = ReportView(team.joint)
+    team = sitl.fly_team("room_100")
+    joint = team.report
     assert joint.completed, joint.ending
     assert joint.flight_time_s < 75
     assert joint.coverage > 0.98
     assert joint.wall_error_aligned_cm < 3
     assert joint.collisions == 0
     assert joint.apart_m > MIN_APART_M
-    for row in map(ReportView, team.rows):
+    for row in team.drones:
         assert row.completed, row.ending
         assert row.return_m < 0.3
         assert row.flight_time_s > 30
         assert row.radio_bytes_s < MAX_BYTES_PER_S
 
 
-def test_equal_seeds_give_equal_flights(tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_flights(sitl: Sitl, tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
     path.write_text(ROOM)
-    first, second = (flown(str(path), "room", seed=4) for _ in range(2))
-    assert first.merged.plan == second.merged.plan
-    assert first.rows == second.rows
+    first, second = (sitl.fly_team(str(path), seed=4) for _ in range(2))
+    assert first.plan == second.plan
+    assert first.result.rows == second.result.rows
 
 
-def test_a_bad_radio_costs_time_but_no_safety() -> None:
+def test_a_bad_radio_costs_time_but_no_safety(sitl: Sitl) -> None:
     """30 % of the packets are lost, and the others are late by up to 0.3 s."""
-    joint = ReportView(flown(ROOMS, "building", radio_errors=BAD_RADIO).joint)
+    joint = sitl.fly_team(ROOMS, mission="building", radio=BAD_RADIO).report
     assert joint.completed, joint.ending
     assert joint.collisions == 0
     assert joint.apart_m > MIN_APART_M
     assert joint.coverage > 0.97
 
 
-def test_too_many_pads_for_a_room_are_refused() -> None:
+def test_too_many_pads_for_a_room_are_refused(sitl: Sitl) -> None:
     with pytest.raises(SitlError, match=r"room for \d pads near the start"):
-        flown(ROOMS, "building", 8)
+        sitl.fly_team(ROOMS, 8, mission="building")
+
+
+def test_the_other_drone_takes_over_when_one_has_crashed(sitl: Sitl, tmp_path: Path) -> None:
+    """The first drone falls silent at the end of its first turn."""
+    path = tmp_path / "small.toml"
+    path.write_text(ROOM)
+
+    def crash(fleet: Fleet, apps: Sequence[App], air: TeamAir) -> None:
+        if fleet.time_s > 20 and fleet.vehicles[0].autopilot.truth.position_ned_m[2] < -0.5:
+            fleet.vehicles[0].autopilot.crash("hit by a ball")
+            air.reach = lambda sender, receiver: sender != 0
+
+    team = sitl.fly_team(str(path), script=crash)
+    crashed, other = team.drones
+    assert not crashed.completed
+    assert other.completed, other.ending
+    assert team.report.coverage > 0.97

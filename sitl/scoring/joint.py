@@ -1,0 +1,28 @@
+"""Joins the true flights of a survey or a team, for the scores of their joint map."""
+
+import math
+from dataclasses import replace
+
+from companion.survey.merge import Merged
+from sitl.simulation.record import TruthRecord
+
+
+def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
+    """The true flights one after the other, at the times of the joint map."""
+    joint = TruthRecord(truths[0].take_off)
+    joint.clearance_m = min(truth.clearance_m for truth in truths)
+    joint.collisions = sum(truth.collisions for truth in truths)
+    joint.air_time_s = sum(truth.air_time_s for truth in truths)
+    later_s = {flight.name: flight.later_s for flight in merged.flights}
+    joint.path = [
+        replace(state, time_s=state.time_s + later_s[name])
+        for number, truth in enumerate(truths, 1)
+        if (name := f"flight {number}") in later_s
+        for state in truth.path
+    ]
+    return joint
+
+
+def return_m(truth: TruthRecord) -> float:
+    """Distance of the landing place from the take-off place of a flight, m."""
+    return math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2])

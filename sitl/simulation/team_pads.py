@@ -1,0 +1,111 @@
+"""Places the drones of a team on pads near the start pose of a world.
+
+Each drone is told where the pads are, and stands some centimetres and degrees off its own.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from companion.config.settings import Config, PadConfig, TeamConfig, validated
+from companion.core.frames import Vector2, moved
+from sitl.core.errors import SitlError
+from sitl.core.noise import stream
+from sitl.simulation.fleet import SEEDS_APART
+from sitl.simulation.simulation import Setup, start_state
+from sitl.world.format import Start
+from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
+
+TEAM = TeamConfig(name="sitl")
+"""Defaults of a team: how exactly the drones stand on their pads."""
+PADS_APART_M, MAX_PADS_APART_M, PAD_STEP_M = 2.0, 6.0, 0.25
+"""Least distance between two pads, greatest from the start, and step between the distances that are
+tried, m. Chosen: a drone climbs while its neighbour waits."""
+PAD_BEARINGS = 24
+"""Bearings from the start that are tried for a pad. Chosen."""
+PAD_CLEAR_M = 0.25
+"""Least clearance of a hull over a pad, at the height of the mission, m. Chosen."""
+
+
+def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup], list[Config]]:
+    """A setup and a configuration for each drone.
+
+    Raises:
+        SitlError: there is no place for a pad.
+        ConfigError: the mission is not one that so many drones divide.
+    """
+    take_off = start_state(setup)
+    start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
+    offsets = pad_offsets(setup, settings.mission.height_m, drones)
+    pads = tuple(PadConfig(north_m=ahead, east_m=right) for ahead, right in offsets)
+    setups, configs = [], []
+    for number, offset in enumerate(offsets):
+        team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
+        values = settings.model_dump(exclude_defaults=True) | {"team": team.model_dump()}
+        configs.append(validated(Config, values, f"--team {drones}"))
+        draw = stream(setup.seed, f"pad {number}")
+        error_m, error_rad = (
+            (TEAM.pad_sigma_m, math.radians(TEAM.pad_sigma_deg)) if number else (0.0, 0.0)
+        )
+        north_m, east_m = moved(start_ne_m, offset, take_off.yaw_rad)
+        heading_deg = math.degrees(take_off.yaw_rad + draw.gauss(0, error_rad))
+        place = draw.gauss(north_m, error_m), draw.gauss(east_m, error_m)
+        pose = Start(name=f"pad {number + 1}", position=place, heading_deg=heading_deg)
+        setups.append(
+            replace(
+                setup,
+                world=setup.world.model_copy(update={"starts": (pose,)}),
+                start=0,
+                seed=setup.seed + SEEDS_APART * number,
+            )
+        )
+    return setups, configs
+
+
+def pad_offsets(setup: Setup, height_m: float, drones: int) -> list[Vector2]:
+    """Where the pads stand, forward and right of the start, m; the first is the start itself.
+
+    Raises:
+        SitlError: there is no place for a pad.
+    """
+    take_off = start_state(setup)
+    start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
+    model = WorldModel(setup.world)
+
+    def is_free(offset: Vector2) -> bool:
+        """True if the way from the start to the pad is free, too."""
+        places = (moved(start_ne_m, (s * offset[0], s * offset[1]), take_off.yaw_rad) for s in _WAY)
+        return all(
+            model.clearance_m((north_m, east_m, -height_m)) > BODY_RADIUS_M + PAD_CLEAR_M
+            for north_m, east_m in places
+        )
+
+    chosen: list[Vector2] = [(0.0, 0.0)]
+    for offset in _candidates():
+        is_apart = all(math.dist(offset, each) > PADS_APART_M - 1e-3 for each in chosen)
+        if len(chosen) < drones and is_apart and is_free(offset):
+            chosen.append(offset)
+    if len(chosen) < drones:
+        raise SitlError(
+            f"--team {drones}: there is room for {len(chosen)} pads near the start; choose another "
+            "start, or fewer drones"
+        )
+    return chosen
+
+
+def _candidates() -> Iterator[Vector2]:
+    """Places for pads, nearest first; those to the right of the start before the others."""
+    steps = round((MAX_PADS_APART_M - PADS_APART_M) / PAD_STEP_M)
+    for away_m in (PADS_APART_M + PAD_STEP_M * step for step in range(steps + 1)):
+        for number in range(PAD_BEARINGS):
+            bearing_rad = math.pi / 2 + math.tau * number / PAD_BEARINGS
+            yield (
+                round(away_m * math.cos(bearing_rad), 3),
+                round(away_m * math.sin(bearing_rad), 3),
+            )
+
+
+_WAY = tuple(np.linspace(0.0, 1.0, 25).tolist())
+"""Shares of the way from the start to a pad."""
