@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
-from companion.config.settings import Config, SensorsConfig
+from companion.config.settings import Config
 from companion.core.arrays import Array
-from companion.core.frames import frd_to_ned
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
-    BEARING_FRD_RAD,
     Beam,
     Command,
     FloorPlan,
@@ -24,13 +22,12 @@ from companion.core.messages import (
     Order,
     Pose,
     RangeScan,
-    RangeUnit,
     Setpoint,
     Sketch,
     WallSegment,
 )
 from companion.core.values import value
-from companion.drivers.models import range_models
+from companion.drivers.models import level_units, range_models
 from companion.drivers.mounts import Mounts
 from companion.earlier import EarlierFlights
 from companion.estimation.estimator import Estimator
@@ -56,22 +53,12 @@ from companion.pdps.flight.state import (
     Phase,
     TickInput,
 )
-from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S
 from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
-from companion.safety.separation import (
-    OtherDrone,
-    climb_limits,
-    keep_off,
-    lets_pass,
-    without_others,
-)
 from companion.safety.velocity_guard import clear_of_all_m
-from companion.team.flight_state import needs_column, state_of, track_of
-from companion.team.sharing import OwnMap
-from companion.team.team import Team
+from companion.team.on_board import OnBoardTeam, Own
 
 EXPLORING_PHASES = frozenset(
     {
@@ -83,11 +70,8 @@ EXPLORING_PHASES = frozenset(
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
 """Phases in which obstacles, floor and ceiling are detected; these begin on the ground."""
 END_OF_CLIMB_M = 0.3
-"""Wall mapping starts within this distance of the mission height, m.
-
-Lower down, the beams meet furniture in front of a wall, such as a box or a bed. Its hundreds of
-similar readings would be mapped as the wall.
-"""
+"""Wall mapping starts within this distance of the mission height, m. Lower down, the beams meet
+furniture in front of a wall, such as a bed, with hundreds of similar readings."""
 AT_LAYER_M = 0.12
 """The occupancy grid of a layer is filled within this distance of its height, m. Chosen."""
 PROGRESS_PERIOD_S = 1.0
@@ -164,7 +148,6 @@ class App:
     ) -> None:
         """`instance` tells teammates of a restart of the program: it differs then."""
         self._config = config
-        self._team = Team(config.team, instance) if config.team.name else None
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)
@@ -174,6 +157,7 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
+        self._team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
         self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
         self.overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
@@ -205,21 +189,15 @@ class App:
         inputs = self._check(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
         self._predict(inputs)
-        others = self._hear(now_s, inputs)
-        inputs = self._unfold(self._without_others(now_s, inputs, others))
+        inputs = self._unfold(self._hear(now_s, inputs))
         pose = self._estimate(now_s, inputs)
-        action = self._decide(now_s, inputs, pose, others)
+        action = self._decide(now_s, inputs, pose)
         self._health.asked(now_s, action.setpoint)
         self._lag.ask(now_s, action.setpoint)
-        known = pose if self.estimator else None
+        known, report = pose if self.estimator else None, self._report(now_s)
+        packets = self._tell(pose, inputs.telemetry.vehicle.battery)
         return Outputs(
-            action.setpoint,
-            action.command,
-            known,
-            self._report(now_s),
-            self.flight,
-            inputs.scan,
-            self._tell(now_s, pose, inputs.telemetry.vehicle.battery),
+            action.setpoint, action.command, known, report, self.flight, inputs.scan, packets
         )
 
     def _check(self, now_s: float, inputs: Inputs) -> Inputs:
@@ -259,45 +237,18 @@ class App:
         self._obstacles.turn_to(reckoned.yaw_rad)
         self._obstacles.move_to(reckoned.ne_m, self.estimator.velocity_frd_m_s, drift)
 
-    def _hear(self, now_s: float, inputs: Inputs) -> tuple[OtherDrone, ...]:
-        """Take the teammates' packets; return the teammates in the air."""
+    def _hear(self, now_s: float, inputs: Inputs) -> Inputs:
+        """Take the teammates' packets, and remove readings that may be of teammates."""
         if self._team is None or self.estimator is None:
-            return ()
-        self._team.hear(now_s, inputs.team, self.estimator.mapped_walls, self.space.grid)
-        return self._team.others(now_s, waits=self.flight.waits)
-
-    def _without_others(
-        self, now_s: float, inputs: Inputs, others: tuple[OtherDrone, ...]
-    ) -> Inputs:
-        """Remove readings that may be of a teammate instead of a wall."""
-        if not others or self.estimator is None:
             return inputs
-        pose = self.estimator.pose(now_s)
-        scan = without_others(inputs.scan, pose, others, self._bearings_frd_rad)
-        return replace(inputs, scan=scan)
+        pose, own = self.estimator.pose(now_s), Own(self.estimator, self.space, self.flight)
+        return replace(inputs, scan=self._team.hear(inputs.team, inputs.scan, pose, own))
 
-    def _tell(self, now_s: float, pose: Pose, battery: float | None) -> tuple[bytes, ...]:
+    def _tell(self, pose: Pose, battery: float | None) -> tuple[bytes, ...]:
         """Packets for the teammates."""
         if self._team is None or self.estimator is None:
             return ()
-        traces = self._config.mission.kind == "room"
-        own = OwnMap(
-            self.space,
-            self.estimator.record.poses,
-            self.estimator.mapped_walls,
-            partial(track_of, self.flight) if traces else None,
-        )
-        velocity = frd_to_ned(*self.estimator.velocity_frd_m_s, pose.yaw_rad)
-        state = partial(
-            state_of,
-            self.flight,
-            now_s,
-            pose,
-            velocity,
-            battery=battery,
-            received=self._team.received,
-        )
-        return self._team.tell(now_s, state, own)
+        return self._team.tell(pose, Own(self.estimator, self.space, self.flight), battery)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
@@ -339,13 +290,11 @@ class App:
                 self.space.add(rays(pose, scan, self._units), keyframes)
         self.space.advance()
 
-    def _decide(
-        self, now_s: float, inputs: Inputs, pose: Pose, others: tuple[OtherDrone, ...]
-    ) -> FlightAction:
+    def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> FlightAction:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
-        around = self._around(pose, others)
+        around = self._around(pose)
         view = TickInput(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -363,7 +312,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self._team.view(now_s) if self._team else {}),
+                **(self._team.mates.view(now_s) if self._team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -380,35 +329,21 @@ class App:
         self.flight, action = phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
-        if self._team and self._team.notice and not self.flight.notice:
-            self.flight = replace(self.flight, notice=self._team.notice)
+        if self._team and self._team.mates.notice and not self.flight.notice:
+            self.flight = replace(self.flight, notice=self._team.mates.notice)
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
 
-    def _around(self, pose: Pose, others: tuple[OtherDrone, ...]) -> Surroundings:
+    def _around(self, pose: Pose) -> Surroundings:
         """Recent obstacle points near the drone, older ones from the map, and teammates."""
-        around = self._obstacles.surroundings(self._lag.lag_s)
-        recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
-        if not others:
-            return replace(around, recalled_frd_m=recalled)
-        others_frd_m, keep_off_m = keep_off(others, pose, needs_column(self.flight, pose.height_m))
-        return replace(
-            around,
-            recalled_frd_m=recalled,
-            others_frd_m=others_frd_m,
-            others_keep_off_m=keep_off_m,
-            lets_pass=lets_pass(
-                others,
-                pose,
-                self.flight.layers.height_m(self._config.mission),
-                passes=self.flight.passes_above,
-            ),
-            climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
-        )
+        near = self._obstacles.surroundings(self._lag.lag_s)
+        recalled = recalled_frd_m(self.space.grid, pose, near.points_frd_m)
+        around = replace(near, recalled_frd_m=recalled)
+        return self._team.around(around, pose, self.flight) if self._team else around
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self._team.joined(self.space.grid) if self._team else self.space.grid
+        grid = self._team.mates.joined(self.space.grid) if self._team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]
@@ -443,9 +378,9 @@ class App:
         """Return the present map for the viewer; takes a few milliseconds."""
         if self.estimator is None:
             return Sketch(earlier_walls=self._earlier_walls)
-        traced = self.estimator.so_far()
+        traced, ceiling_m = self.estimator.so_far(), self._ceiling.height_m
         sketched = traced.thinned(MAX_SKETCHED)
-        return Sketch(_segments(traced), *sketched, self._ceiling.height_m, self._earlier_walls)
+        return Sketch(_segments(traced), *sketched, ceiling_m, self._earlier_walls)
 
     def _drawn_up(self, traced: SolvedFlight) -> FloorPlan:
         return FloorPlan(
@@ -463,12 +398,3 @@ class App:
 
 def _segments(traced: SolvedFlight) -> tuple[WallSegment, ...]:
     return wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
-
-
-def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:
-    """Return the horizontal sensors; `Mounts` reduces all to one distance from the centre."""
-    return {
-        beam: RangeUnit(model, sensors.bearing_of_rad(beam), sensors.mount_offset_m)
-        for beam, model in range_models(sensors).items()
-        if beam in BEARING_FRD_RAD
-    }

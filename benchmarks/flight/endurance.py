@@ -13,7 +13,6 @@ from random import Random
 
 import numpy as np
 
-from companion.app import level_units
 from companion.config.settings import SensorsConfig
 from companion.core.frames import frd_to_ned, wrap_rad
 from companion.core.messages import (
@@ -25,6 +24,7 @@ from companion.core.messages import (
     RangeState,
 )
 from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.drivers.models import level_units
 from companion.estimation.estimator import Estimator
 
 TICK_S, SPEED_M_S, TURN_RAD_S = 0.05, 1.0, math.radians(45)

@@ -32,6 +32,7 @@ from companion.config.range_sensors import (
     usual_channels,
     usual_sensors,
 )
+from companion.config.team import TEAM_DRONES, TeamConfig
 from companion.core.errors import ConfigError
 from companion.core.messages import BEARING_FRD_RAD, Beam
 from companion.core.textfile import NotTextError, read_text, reason
@@ -42,10 +43,6 @@ MissionKind = Literal["room", "building", "exterior", "layers"]
 MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
 STANDOFFS = ("range", "accurate")
 """Named stand-offs of `mission.standoff`."""
-MAX_DRONES = 8
-"""Most drones of a team. Chosen."""
-TEAM_DRONES = {"room": 2, "building": MAX_DRONES}
-"""Missions that a team divides, and between how many drones."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 """Bounds of `mission.standoff`, m. Chosen."""
 
@@ -205,53 +202,6 @@ class ViewConfig(Group):
     """`HOST:PORT` for `companion view`. Empty: no live view."""
     token_file: Path | None = None
     """File with the token that viewers need, mode 600. Required unless HOST is 127.0.0.1."""
-
-
-class PadConfig(Group):
-    """Where a drone of a team starts, in the frame of the first drone's start."""
-
-    north_m: float = Field(0.0, ge=-1000, le=1000)
-    """Distance ahead of the first drone, m."""
-    east_m: float = Field(0.0, ge=-1000, le=1000)
-    """Distance to the right of the first drone, m."""
-    heading_deg: float = Field(0.0, ge=-360, le=360)
-    """Heading relative to that of the first drone, clockwise."""
-
-
-class TeamConfig(Group):
-    """The drones that fly together."""
-
-    name: str = Field("", pattern=r"^[A-Za-z0-9_-]{0,32}$")
-    """Name of the team. Drones of one name share their maps. Empty: the drone flies alone."""
-    drone: int = Field(1, ge=1, le=MAX_DRONES)
-    """Number of this drone in `pads`, from 1 on."""
-    pads: tuple[PadConfig, ...] = Field((PadConfig(),), max_length=MAX_DRONES)
-    """Start of each drone of the team."""
-    addresses: tuple[Annotated[str, Field(pattern=r"^[^\s:/]+:\d{1,5}$")], ...] = Field(
-        (), max_length=MAX_DRONES
-    )
-    """`HOST:PORT` at which each drone listens. Default: this machine, from port 7447 on."""
-    key_file: Path | None = None
-    """File with the team's key, mode 600, the same on all drones. Required unless all addresses are
-    on this machine."""
-    pad_sigma_m: float = Field(0.1, gt=0, le=1)
-    """Standard deviation of a start from its pad, on each axis, m."""
-    pad_sigma_deg: float = Field(3.0, gt=0, le=20)
-    """Standard deviation of its heading."""
-
-    @model_validator(mode="after")
-    def _check_pads(self) -> Self:
-        if self.name and self.drone > len(self.pads):
-            raise ValueError(
-                f"drone {self.drone} has no start: team.pads has {len(self.pads)} entries; "
-                "give one for each drone"
-            )
-        if self.addresses and len(self.addresses) != len(self.pads):
-            raise ValueError(
-                f"team.addresses has {len(self.addresses)} entries, and team.pads "
-                f"{len(self.pads)}; give one of each for each drone"
-            )
-        return self
 
 
 class Config(Group):

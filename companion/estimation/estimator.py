@@ -273,7 +273,7 @@ class Estimator:
         """
         if self._solution is None:
             m = self._smoother.models.measured(self.record)
-            x, walls = self._as_flown(), self._walls()
+            x, walls = self._as_flown(), self.walls()
             x.add_walls(walls.lines, walls.reach_m)
             x.odometry_scale[:] = 0.0
             self._solution = m, most_likely(self._smoother, x, m, self._prior())
@@ -296,7 +296,7 @@ class Estimator:
 
         Pose and walls make a step then.
         """
-        done = self._in_flight.step(now_s, self.record, self._walls)
+        done = self._in_flight.step(now_s, self.record, self.walls)
         if done is None:
             return
         covariance = done.estimate.solution.covariance_of_last(POSE_SIZE)
@@ -378,7 +378,7 @@ class Estimator:
 
     def known_walls(self) -> KnownWalls:
         """All walls, for the missions."""
-        walls = self._walls()
+        walls = self.walls()
         normals = normals_of(walls.lines)
         covariance_m2 = self.slam.offsets_covariance_m2
         return KnownWalls(normals, walls.lines[:, 1], walls.reach_m, covariance_m2)
@@ -390,14 +390,7 @@ class Estimator:
             for wall in self.slam.walls
         )
 
-    def mapped_walls(self) -> Unknowns:
-        """All walls, for the alignment with the maps of teammates."""
-        walls = self._walls()
-        x = Unknowns.at(np.zeros((1, 3)), self.models.rest_bias_rad_s)
-        x.add_walls(walls.lines, walls.reach_m)
-        return x
-
-    def _walls(self) -> Walls:
+    def walls(self) -> Walls:
         """All walls, for the smoother."""
         lines = np.array([self.slam.line(wall) for wall in self.slam.walls]).reshape(-1, 2)
         anchors = np.array([wall.anchor_ne_m for wall in self.slam.walls]).reshape(-1, 2)

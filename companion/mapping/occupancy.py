@@ -141,48 +141,6 @@ class Occupancy:
         log_odds[rows[inside], columns[inside]] = MAX_LOG_ODDS
         return self._with(self._low, self._layers._replace(log_odds=log_odds))
 
-    def joined(self, others: Sequence["Occupancy"]) -> "Occupancy":
-        """This grid, with what other drones have measured where it is unknown.
-
-        Another drone flies at another height, so what this one has measured counts alone.
-        """
-        grids = (self, *others)
-        low = tuple(min(grid._low[axis] for grid in grids) for axis in (0, 1))
-        high = [max(grid._low[axis] + grid.shape[axis] for grid in grids) for axis in (0, 1)]
-        union = _Layers.unknown((high[0] - low[0], high[1] - low[1]))
-        union.allowed[:] = self._is_all_allowed
-        for grid in others:
-            layers, part = grid._layers, grid._part_of(low)
-            union.log_odds[part] += layers.log_odds
-            union.well_seen[part] |= layers.well_seen
-            union.met_s[part][layers.met_s != 0] = -math.inf
-        own, part = self._layers, self._part_of(low)
-        is_known = (own.log_odds < FREE_BELOW) | (own.log_odds > OCCUPIED_ABOVE)
-        union.log_odds[part] = own.log_odds + np.where(is_known, 0, union.log_odds[part])
-        np.clip(union.log_odds, -MAX_LOG_ODDS, MAX_LOG_ODDS, out=union.log_odds)
-        union.well_seen[part] |= own.well_seen
-        union.flown[part], union.allowed[part] = own.flown, own.allowed
-        union.met_s[part] = np.where(own.met_s != 0, own.met_s, union.met_s[part])
-        return self._with((low[0], low[1]), union)
-
-    def contradicted_by(self, own: "Occupancy", within_m: float) -> tuple[int, int]:
-        """Number of occupied cells here in space that another grid knows, and of those free there.
-
-        A cell does not count as free within a distance of an occupied cell there.
-        """
-        places = self._middles(np.nonzero(self.occupied), np.s_[0:, 0:])
-        rows, columns = (own._indices(places[:, axis], axis) for axis in (0, 1))
-        inside = (rows >= 0) & (rows < own.shape[0]) & (columns >= 0) & (columns < own.shape[1])
-        reach = round(within_m / CELL_M)
-        near = binary_dilation(own.occupied, iterations=reach)[rows[inside], columns[inside]]
-        free = own.free[rows[inside], columns[inside]] & ~near
-        return int((near | free).sum()), int(free.sum())
-
-    def _part_of(self, low: Sequence[int]) -> tuple[slice, slice]:
-        """Rows and columns of this grid in one that begins at `low`."""
-        first = self._low[0] - low[0], self._low[1] - low[1]
-        return np.s_[first[0] : first[0] + self.shape[0], first[1] : first[1] + self.shape[1]]
-
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All content by name, for `of_arrays`."""
         where = {"low": np.array(self._low), "is_all_allowed": np.array(self._is_all_allowed)}

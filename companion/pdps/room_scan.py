@@ -44,7 +44,7 @@ from companion.navigation.observation import Observation
 from companion.navigation.swing import Swing
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
 from companion.pdps.room_halves import divided, has_met, other_wall_rad, to_other_ne_m
-from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.safety.control_laws import (
     BODY_RADIUS_M,
     FULL_STOP_BEFORE_M,
@@ -76,15 +76,6 @@ CORNER_READINGS = 2
 """Number of consecutive readings that detect a corner. Chosen."""
 CORNER_MARGIN_M = 0.12
 """Remaining distance to the next wall's stand-off at which a corner is detected, m. Chosen."""
-CORNERS_OF_A_ROOM = 4
-"""Minimum number of corners in a round."""
-CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
-"""The round is closed if the drone is past a mark of the round before by the first distance, and
-within the second of it, m. Chosen."""
-CLOSING_RAD = math.radians(20)
-"""Maximum difference in heading to that mark, rad. Chosen."""
-MARK_EVERY_M = 0.5
-"""Spacing of the marks on the track, m. Chosen."""
 REFINEMENT_RAD = math.radians(30)
 """Maximum correction of the heading in one tick, rad. Chosen: a step of the pose can turn the map
 by this much, while the stored heading stays."""
@@ -203,10 +194,10 @@ def _stand_off(
 def _scan(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
-    scan = _marked(_refined(scan, observation), observation)
+    scan = _refined(scan, observation).marked(observation.pose.ne_m)
     if has_met(scan, observation, _gap_m(scan, observation)):
         return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
-    if _is_closed(scan, observation):
+    if scan.is_closed(observation.pose.ne_m):
         if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(observation.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
         scan = replace(scan, extra_rounds=scan.extra_rounds + 1, marks=scan.marks[-1:])
@@ -371,28 +362,6 @@ def _gap_m(scan: RoomScan, observation: Observation) -> float:
 def _meets_wall(scan: RoomScan, observation: Observation) -> bool:
     reading = observation.ranges.get(scan.ahead)
     return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
-
-
-def _marked(scan: RoomScan, observation: Observation) -> RoomScan:
-    here = observation.pose.ne_m
-    if scan.marks and math.dist(scan.marks[-1].ne_m, here) < MARK_EVERY_M:
-        return scan
-    return replace(scan, marks=(*scan.marks, Mark(here, scan.heading_rad, scan.corners)))
-
-
-def _is_closed(scan: RoomScan, observation: Observation) -> bool:
-    """True if the drone is past a mark of a full round ago, near it and at its heading."""
-    for mark in scan.marks:
-        if scan.corners - mark.corners < CORNERS_OF_A_ROOM:
-            break
-        north_m = observation.pose.north_m - mark.ne_m[0]
-        east_m = observation.pose.east_m - mark.ne_m[1]
-        _, along_m = ned_to_frd(north_m, east_m, mark.heading_rad)
-        is_past = scan.side * along_m > CLOSING_OVERLAP_M
-        is_there = is_past and math.hypot(north_m, east_m) < CLOSING_WITHIN_M
-        if is_there and abs(wrap_rad(scan.heading_rad - mark.heading_rad)) < CLOSING_RAD:
-            return True
-    return False
 
 
 def _are_loose(walls: KnownWalls) -> bool:

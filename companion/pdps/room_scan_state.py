@@ -2,12 +2,23 @@
 
 import enum
 import math
+from dataclasses import replace
 
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.core.messages import Beam
 from companion.core.values import value
 from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.pdps.perpendicular import TurnReading
+
+CORNERS_OF_A_ROOM = 4
+"""Minimum number of corners in a round."""
+CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
+"""The round is closed if the drone is past a mark of the round before by the first distance, and
+within the second of it, m. Chosen."""
+CLOSING_RAD = math.radians(20)
+"""Maximum difference in heading to that mark, rad. Chosen."""
+MARK_EVERY_M = 0.5
+"""Spacing of the marks on the track, m. Chosen."""
 
 
 class ScanPhase(enum.Enum):
@@ -69,6 +80,26 @@ class RoomScan:
     """Place of the last sweep."""
     extra_rounds: int = 0
     """Rounds begun since all walls were traced once."""
+
+    def marked(self, here_ne_m: Vector2) -> "RoomScan":
+        """The scan with a mark at this place, if the last one is far enough away."""
+        if self.marks and math.dist(self.marks[-1].ne_m, here_ne_m) < MARK_EVERY_M:
+            return self
+        mark = Mark(here_ne_m, self.heading_rad, self.corners)
+        return replace(self, marks=(*self.marks, mark))
+
+    def is_closed(self, here_ne_m: Vector2) -> bool:
+        """True if this place is past a mark of a full round ago, near it, at its heading."""
+        for mark in self.marks:
+            if self.corners - mark.corners < CORNERS_OF_A_ROOM:
+                break
+            north_m, east_m = here_ne_m[0] - mark.ne_m[0], here_ne_m[1] - mark.ne_m[1]
+            _, along_m = ned_to_frd(north_m, east_m, mark.heading_rad)
+            is_past = self.side * along_m > CLOSING_OVERLAP_M
+            is_there = is_past and math.hypot(north_m, east_m) < CLOSING_WITHIN_M
+            if is_there and abs(wrap_rad(self.heading_rad - mark.heading_rad)) < CLOSING_RAD:
+                return True
+        return False
 
     @property
     def ahead(self) -> Beam:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.app import level_units
+from companion.drivers.models import level_units
 from companion.earlier import (
     TRIED,
     layers_as_arrays,

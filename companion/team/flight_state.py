@@ -36,7 +36,6 @@ def needs_column(flight: FlightState, height_m: float) -> bool:
 
 def state_of(
     flight: FlightState,
-    now_s: float,
     pose: Pose,
     velocity_ne_m_s: Vector2,
     *,
@@ -60,6 +59,6 @@ def state_of(
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
         thinned(look.at_ne_m) if look else (),
         look is not None and look.is_extra,
-        max(building.arrives_s - now_s, 0.0) if look else 0.0,
+        max(building.arrives_s - pose.time_s, 0.0) if look else 0.0,
         received,
     )

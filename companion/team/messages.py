@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Raw, Struct, msgpack
 
-from companion.config.settings import MAX_DRONES
+from companion.config.team import MAX_DRONES
 from companion.core.arrays import Array, Indices
 from companion.mapping.redrawn_grid import RAY_COLUMNS
 

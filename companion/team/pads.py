@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from companion.config.settings import PadConfig, TeamConfig
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd
 

@@ -13,8 +13,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypedDict
 
-from companion.config.settings import TeamConfig
+from companion.config.team import TeamConfig
 from companion.estimation.smoothing.state import Unknowns
+from companion.mapping.joined_grid import joined
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
@@ -152,7 +153,7 @@ class Team:
 
     def joined(self, grid: Occupancy) -> Occupancy:
         """A grid with the space that the teammates have seen."""
-        return grid.joined([mate.grid for mate in self._mates.values() if mate.is_credible])
+        return joined(grid, [mate.grid for mate in self._mates.values() if mate.is_credible])
 
     @property
     def received(self) -> dict[int, int]:

@@ -15,6 +15,7 @@ from companion.core.arrays import Array
 from companion.core.frames import Vector2, frd_to_ned, moved
 from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.state import YAW, Unknowns, to_ned
+from companion.mapping.joined_grid import contradicted
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Claim, Tracing
@@ -161,9 +162,9 @@ class Teammate:
     def contradicts(self, space: Occupancy) -> bool:
         """Compare its map with the own grid; True if it is found not to be credible now."""
         was_credible = self.is_credible
-        met, contradicted = self.grid.contradicted_by(space, SAME_PLACE_M)
+        met, free = contradicted(self.grid, space, SAME_PLACE_M)
         if met >= MIN_CELLS:
-            self.is_credible = contradicted < MAX_CONTRADICTED_SHARE * met
+            self.is_credible = free < MAX_CONTRADICTED_SHARE * met
         return was_credible and not self.is_credible
 
     def advance(self) -> None:

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 
-from companion.config.settings import TeamConfig
+from companion.config.team import TeamConfig
 from companion.core.errors import TeamError
 from companion.core.extras import needs_extra
 from companion.core.secret import is_loopback, needs_token, read_token

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.config.settings import MAX_DRONES, TEAM_DRONES
+from companion.config.team import MAX_DRONES, TEAM_DRONES
 from companion.core.errors import OutputError
 from sitl.running.options import (
     Autopilot,
@@ -86,7 +86,7 @@ def accuracy(
 ) -> None:
     """Compare maps and trajectories with the truth, dead reckoning and an ideal solver."""
     from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
-    from sitl.bench.accuracy_table import accuracy_tables, lost_flights  # noqa: PLC0415
+    from sitl.bench.tables.accuracy import accuracy_tables, lost_flights  # noqa: PLC0415
 
     rows = summary(fly_all(setups(seeds)))
     if as_json:
@@ -310,9 +310,9 @@ def faults(
 
     Ctrl-C ends the campaign early and prints the results so far. Exit status 1 after any failure.
     """
-    from sitl.bench.fault_table import fault_table, progress_text  # noqa: PLC0415 - slow to load
     from sitl.bench.faults import FaultJob, fly, lost, sum_up  # noqa: PLC0415
     from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
+    from sitl.bench.tables.faults import fault_table, progress_text  # noqa: PLC0415 - slow to load
 
     jobs = [FaultJob(seed, number) for number in range(first, first + flights)]
     rows = [flown.row for flown in with_a_bar(jobs, progress_text, fly, lost)]

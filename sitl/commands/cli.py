@@ -12,7 +12,8 @@ from rich.console import Console
 
 from companion.commands.options import MissionSet
 from companion.commands.version import Version
-from companion.config.settings import MAX_DRONES, MISSION_KINDS, mission_settings
+from companion.config.settings import MISSION_KINDS, mission_settings
+from companion.config.team import MAX_DRONES
 from companion.core import terminal
 from companion.core.errors import CompanionError
 from companion.core.extras import needs_extra

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.config.settings import Config, PadConfig, TeamConfig, validated
+from companion.config.settings import Config, validated
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.frames import Vector2, moved
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.config.settings import PadConfig, TeamConfig
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.errors import SecretError, TeamError
 from companion.team.radio import NoRadio, TeamRadio
 from companion.team.zenoh_radio import open_team_radio

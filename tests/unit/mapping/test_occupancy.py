@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.mapping.joined_grid import joined
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.mapping.rays import Ray
 
@@ -78,15 +79,15 @@ def test_what_another_drone_has_measured_counts_where_the_own_map_is_unknown() -
     """This drone sees a wall at 2 m to the north; the other one flies higher, and sees over it."""
     own = seen(Occupancy(), Ray((0.0, 0.0), 0.0, 2.0, 0.01, True, 5.0))
     other = seen(Occupancy(), Ray((0.0, 0.0), 0.0, 8.0, 0.01, True, 1.0))
-    joined = own.joined([other])
-    assert state(joined, (1.0, 0.0)) == "free"
-    assert state(joined, (2.0, 0.0)) == "occupied"
-    assert state(joined, (5.0, 0.0)) == "free"
-    assert state(joined, (8.0, 0.0)) == "occupied"
+    union = joined(own, [other])
+    assert state(union, (1.0, 0.0)) == "free"
+    assert state(union, (2.0, 0.0)) == "occupied"
+    assert state(union, (5.0, 0.0)) == "free"
+    assert state(union, (8.0, 0.0)) == "occupied"
     assert state(own, (5.0, 0.0)) == "unknown"
-    _, met_s = joined.met_near((2.0, 0.0), 0.3)
+    _, met_s = union.met_near((2.0, 0.0), 0.3)
     assert met_s.max() == 5.0
-    _, met_s = joined.met_near((8.0, 0.0), 0.3)
+    _, met_s = union.met_near((8.0, 0.0), 0.3)
     assert met_s.max() == -math.inf
 
 
@@ -100,9 +101,9 @@ def test_a_joined_map_contains_the_own_map(
     other = Occupancy()
     for origin, bearing_rad, end_m in rays[1::2]:
         seen(other, Ray(origin, bearing_rad, end_m, 0.01, True, 1.0))
-    joined = own.joined([other])
+    union = joined(own, [other])
     for row in range(0, own.shape[0], 7):
         for column in range(0, own.shape[1], 7):
             place = own.place((row, column))
             if state(own, place) != "unknown":
-                assert state(joined, place) == state(own, place)
+                assert state(union, place) == state(own, place)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sitl.bench.accuracy_table import lost_flights
+from sitl.bench.tables.accuracy import lost_flights
 
 
 def test_incomplete_flights_are_listed_with_seed_and_ending() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.config.settings import PadConfig, TeamConfig
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, along
 from companion.estimation.smoothing.state import Unknowns

@@ -1,0 +1,67 @@
+"""Joins the grid of this drone with those of its teammates."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from companion.mapping.occupancy import (
+    CELL_M,
+    FREE_BELOW,
+    MAX_LOG_ODDS,
+    OCCUPIED_ABOVE,
+    Occupancy,
+)
+
+
+def joined(own: Occupancy, others: Sequence[Occupancy]) -> Occupancy:
+    """The own grid, with what other drones have measured where it is unknown.
+
+    What this drone has measured counts alone: its own sensors look at its own height and time.
+    """
+    grids = [grid.arrays() for grid in (own, *others)]
+    low = np.min([grid["low"] for grid in grids], axis=0)
+    high = np.max([grid["low"] + grid["log_odds"].shape for grid in grids], axis=0)
+    parts = [_part(grid["low"] - low, grid["log_odds"].shape) for grid in grids]
+    union = {
+        name: np.zeros(high - low, dtype=grids[0][name].dtype)
+        for name in ("log_odds", "well_seen", "flown", "met_s")
+    }
+    for grid, part in zip(grids[1:], parts[1:], strict=True):
+        union["log_odds"][part] += grid["log_odds"]
+        union["well_seen"][part] |= grid["well_seen"]
+        union["met_s"][part][grid["met_s"] != 0] = -math.inf
+    first, part = grids[0], parts[0]
+    log_odds, met_s = first["log_odds"], first["met_s"]
+    is_known = (log_odds < FREE_BELOW) | (log_odds > OCCUPIED_ABOVE)
+    union["log_odds"][part] = log_odds + np.where(is_known, 0, union["log_odds"][part])
+    np.clip(union["log_odds"], -MAX_LOG_ODDS, MAX_LOG_ODDS, out=union["log_odds"])
+    union["well_seen"][part] |= first["well_seen"]
+    union["flown"][part] = first["flown"]
+    union["met_s"][part] = np.where(met_s != 0, met_s, union["met_s"][part])
+    allowed = np.full(high - low, bool(first["is_all_allowed"]))
+    allowed[part] = first["allowed"]
+    where = {"low": low, "is_all_allowed": first["is_all_allowed"], "allowed": allowed}
+    return Occupancy.of_arrays(union | where)
+
+
+def _part(first: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns of a grid in the joined one."""
+    row, column = first.tolist()
+    return np.s_[row : row + shape[0], column : column + shape[1]]
+
+
+def contradicted(other: Occupancy, own: Occupancy, within_m: float) -> tuple[int, int]:
+    """Number of another grid's occupied cells in space that the own one knows, and of those free.
+
+    A cell does not count as free within a distance of an occupied cell of the own grid.
+    """
+    near = binary_dilation(own.occupied, iterations=round(within_m / CELL_M))
+    free = own.free & ~near
+    cells = [
+        cell
+        for row, column in np.argwhere(other.occupied).tolist()
+        if own.has(cell := own.cell(other.place((row, column))))
+    ]
+    return sum(near[cell] or free[cell] for cell in cells), sum(free[cell] for cell in cells)
