@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from companion.config import range_sensors, settings
+from companion.config import range_sensors, settings, team
 from companion.config.range_sensors import Group
 from companion.config.settings import Config
 
@@ -23,7 +23,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def json_schema() -> JsonSchema:
     """Schema of the whole file, JSON Schema draft 2020-12."""
     schema = Config.model_json_schema()
-    models = {**vars(range_sensors), **vars(settings)}
+    models = {**vars(range_sensors), **vars(settings), **vars(team)}
     for name, definition in schema["$defs"].items():
         if "properties" in definition:
             _describe(definition, models[name])
