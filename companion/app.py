@@ -186,16 +186,18 @@ class App:
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """Run one tick of the control loop at `now_s`."""
-        inputs = self._check(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
+        inputs = replace(inputs, scan=self._mounts.level(inputs.scan))
+        inputs = self._check(now_s, self._hear(now_s, inputs))
         self._calibrate(inputs)
         self._predict(inputs)
-        inputs = self._unfold(self._hear(now_s, inputs))
+        inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
         self._health.asked(now_s, action.setpoint)
         self._lag.ask(now_s, action.setpoint)
         known, report = pose if self.estimator else None, self._report(now_s)
-        packets = self._tell(pose, inputs.telemetry.vehicle.battery)
+        battery = inputs.telemetry.vehicle.battery
+        packets = self._team.tell(pose, self._own, battery) if self._team else ()
         return Outputs(
             action.setpoint, action.command, known, report, self.flight, inputs.scan, packets
         )
@@ -239,16 +241,14 @@ class App:
 
     def _hear(self, now_s: float, inputs: Inputs) -> Inputs:
         """Take the teammates' packets, and remove readings that may be of teammates."""
-        if self._team is None or self.estimator is None:
+        if self._team is None:
             return inputs
-        pose, own = self.estimator.pose(now_s), Own(self.estimator, self.space, self.flight)
-        return replace(inputs, scan=self._team.hear(inputs.team, inputs.scan, pose, own))
+        scan = self._team.hear(now_s, inputs.team, inputs.scan, self._own)
+        return replace(inputs, scan=scan)
 
-    def _tell(self, pose: Pose, battery: float | None) -> tuple[bytes, ...]:
-        """Packets for the teammates."""
-        if self._team is None or self.estimator is None:
-            return ()
-        return self._team.tell(pose, Own(self.estimator, self.space, self.flight), battery)
+    @property
+    def _own(self) -> Own:
+        return Own(self.estimator, self.space, self.flight)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""

@@ -83,8 +83,6 @@ class Observation:
 
     claims: tuple[Claim, ...] = ()
     """What the teammates go to look at."""
-    has_shared_map: bool = False
-    """A teammate has shared its map. Its flight ties the joint map, as a second look would."""
     tracings: tuple[Tracing, ...] = ()
     """Teammates that trace the same room."""
 

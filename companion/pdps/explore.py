@@ -248,9 +248,8 @@ def _choose(
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
         found = looks(explore.ways, observation, plan, explore.tried)
-        if not observation.has_shared_map:
-            found = found or ties(explore.ways, observation, plan, explore.tried)
-            found = found or again(explore.ways, observation, plan, explore.tried)
+        found = found or ties(explore.ways, observation, plan, explore.tried)
+        found = found or again(explore.ways, observation, plan, explore.tried)
         ways, claims = explore.ways, observation.claims
         left = tuple(
             look for look in found if not is_claimed(look, _arrives_in_s(ways, look, plan), claims)

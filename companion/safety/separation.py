@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from companion.core.arrays import Array
-from companion.core.frames import Vector2, along, points_to_frd
-from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeScan, RangeState
+from companion.core.frames import Vector2, points_to_frd, wrap_rad
+from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.core.values import value
 from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
 
@@ -24,6 +24,8 @@ m apart."""
 KEEP_OFF_M, YIELD_M = 0.9, 1.2
 """Horizontal distance between the centres that a drone with the right of way keeps, and one
 without, m. Chosen: the bodies are 0.5 m apart at the first."""
+STALE = RangeReading(RangeState.STALE)
+"""Reading in place of one that may be of a teammate: the sensor works, and nothing is known."""
 PASS_WITHIN_M, PASSED_AT_M = 0.2, 0.8
 """A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
 and descends again beyond the second, m. Chosen."""
@@ -31,6 +33,9 @@ MASK_M = 0.15
 """A beam that passes a teammate's body within this distance may have met it, m, beside three sigmas
 of its position. Chosen."""
 MASK_SIGMAS = 3.0
+FACES_RAD = math.radians(15)
+"""Two infrared sensors that point at each other within this angle dazzle each other, rad. Chosen:
+the width of a beam, and the errors of two headings. Then any distance may be measured."""
 
 
 @value
@@ -39,9 +44,12 @@ class OtherDrone:
 
     ne_m: Vector2
     height_m: float
+    yaw_rad: float
     velocity_ne_m_s: Vector2
     sigma_m: float
     """Of its position relative to this drone, on each axis."""
+    is_flying: bool
+    """It is in the air; else it stands on the ground."""
     needs_column: bool
     """It climbs or descends: the space above and below it must be free."""
     has_right_of_way: bool
@@ -50,7 +58,8 @@ class OtherDrone:
 
 def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[Array, Array]:
     """Positions (n, 2) of the teammates to keep away from, body FRD, and the distances (n,), m."""
-    near = [each for each in others if _is_at_height(each, pose.height_m, needs_column)]
+    flying = (each for each in others if each.is_flying)
+    near = [each for each in flying if _is_at_height(each, pose.height_m, needs_column)]
     places = np.array([each.ne_m for each in near]).reshape(-1, 2) - pose.ne_m
     distances = [
         (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.sigma_m for each in near
@@ -79,6 +88,7 @@ def lets_pass(others: Sequence[OtherDrone], pose: Pose, level_m: float, *, passe
     within_m = YIELD_M + (PASSED_AT_M if passes else PASS_WITHIN_M)
     return any(
         each.has_right_of_way
+        and each.is_flying
         and not each.needs_column
         and abs(each.height_m - level_m) < MIN_VERTICAL_M
         and math.dist(each.ne_m, pose.ne_m) < within_m + each.sigma_m
@@ -92,7 +102,8 @@ def climb_limits(
     """Least and greatest down velocity, m/s, with which the drone stays clear in height."""
     up_m_s = down_m_s = max_climb_m_s
     for other in others:
-        if math.dist(other.ne_m, pose.ne_m) > YIELD_M + other.sigma_m:
+        is_near = math.dist(other.ne_m, pose.ne_m) <= YIELD_M + other.sigma_m
+        if not (is_near and other.is_flying):
             continue
         apart_m = other.height_m - pose.height_m
         free_m_s = max(approach_speed(abs(apart_m) - MIN_VERTICAL_M, max_climb_m_s, lag_s), 0.0)
@@ -109,18 +120,17 @@ def without_others(
     others: Sequence[OtherDrone],
     bearings_frd_rad: Mapping[Beam, float],
 ) -> RangeScan:
-    """The scan without readings that may be of a teammate's body instead of a wall."""
-    if not others:
-        return scan
-    kept = {
-        beam: reading
+    """The scan, with readings that may be of a teammate's body instead of a wall as STALE."""
+    masked = {
+        beam: STALE
         for beam, reading in scan.readings.items()
-        if reading.state is RangeState.NOTHING
-        or not any(
-            _may_meet(beam, reading.distance_m, pose, each, bearings_frd_rad) for each in others
+        if reading.is_alive
+        and reading.state is not RangeState.NOTHING
+        and any(
+            _may_meet(beam, reading.distance_m, pose, other, bearings_frd_rad) for other in others
         )
     }
-    return RangeScan(scan.time_s, kept)
+    return RangeScan(scan.time_s, {**scan.readings, **masked}) if masked else scan
 
 
 def _may_meet(
@@ -138,11 +148,17 @@ def _may_meet(
         return aside_m < reach_m and away_m > 0 and not distance_m < away_m - reach_m
     if abs(above_m) > BODY_RADIUS_M + MASK_M:
         return False
-    end_ne_m = along(
-        pose.ne_m, pose.yaw_rad + bearings_frd_rad.get(beam, BEARING_FRD_RAD[beam]), 1.0
-    )
-    unit = end_ne_m[0] - pose.north_m, end_ne_m[1] - pose.east_m
+    bearing_rad = pose.yaw_rad + bearings_frd_rad.get(beam, BEARING_FRD_RAD[beam])
+    unit = math.cos(bearing_rad), math.sin(bearing_rad)
     off = other.ne_m[0] - pose.north_m, other.ne_m[1] - pose.east_m
     ahead_m = off[0] * unit[0] + off[1] * unit[1]
     beside_m = abs(off[0] * unit[1] - off[1] * unit[0])
-    return ahead_m > 0 and beside_m < reach_m and not distance_m < ahead_m - reach_m
+    if ahead_m <= 0 or beside_m >= reach_m:
+        return False
+    return _faces(other, bearing_rad) or not distance_m < ahead_m - reach_m
+
+
+def _faces(other: OtherDrone, bearing_rad: float) -> bool:
+    """True if a level beam of the teammate may dazzle one that points at it along a bearing."""
+    back_rad = bearing_rad + math.pi - other.yaw_rad
+    return any(abs(wrap_rad(back_rad - axis)) < FACES_RAD for axis in BEARING_FRD_RAD.values())

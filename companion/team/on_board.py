@@ -37,7 +37,7 @@ from companion.team.team import Team
 class Own:
     """The parts of this drone's flight that the team uses."""
 
-    estimator: Estimator
+    estimator: Estimator | None
     space: RedrawnGrid
     flight: FlightState
 
@@ -62,19 +62,16 @@ class OnBoardTeam:
         return cls(config, bearings_frd_rad, instance) if config.team.name else None
 
     def hear(
-        self,
-        packets: tuple[bytes, ...],
-        scan: RangeScan,
-        pose: Pose,
-        own: Own,
+        self, now_s: float, packets: tuple[bytes, ...], scan: RangeScan, own: Own
     ) -> RangeScan:
         """Take the teammates' packets.
 
         Returns the scan without readings that may be of a teammate instead of a wall.
         """
         walls = partial(walls_of, own.estimator)
-        self.mates.hear(pose.time_s, packets, walls, own.space.grid)
-        self._others = self.mates.others(pose.time_s, waits=own.flight.waits)
+        self.mates.hear(now_s, packets, walls, own.space.grid)
+        self._others = self.mates.others(now_s, waits=own.flight.waits)
+        pose = own.estimator.pose(now_s) if own.estimator else Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         return without_others(scan, pose, self._others, self._bearings_frd_rad)
 
     def around(self, around: Surroundings, pose: Pose, flight: FlightState) -> Surroundings:
@@ -93,7 +90,9 @@ class OnBoardTeam:
         )
 
     def tell(self, pose: Pose, own: Own, battery: float | None) -> tuple[bytes, ...]:
-        """Packets for the teammates."""
+        """Packets for the teammates; none before the estimator has started."""
+        if own.estimator is None:
+            return ()
         traces = self._mission.kind == "room"
         own_map = OwnMap(
             own.space,
@@ -112,9 +111,10 @@ class OnBoardTeam:
         return self.mates.tell(pose.time_s, state, own_map)
 
 
-def walls_of(estimator: Estimator) -> Unknowns:
-    """All walls of this drone."""
-    walls = estimator.walls()
+def walls_of(estimator: Estimator | None) -> Unknowns:
+    """All walls of this drone; none before its estimator has started."""
     x = Unknowns.at(np.zeros((1, 3)), 0.0)
-    x.add_walls(walls.lines, walls.reach_m)
+    if estimator is not None:
+        walls = estimator.walls()
+        x.add_walls(walls.lines, walls.reach_m)
     return x

@@ -41,7 +41,6 @@ class TeamView(TypedDict, total=False):
 
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
-    has_shared_map: bool
 
 
 class Team:
@@ -136,7 +135,7 @@ class Team:
         return self._doubles[key]
 
     def others(self, now_s: float, *, waits: bool) -> tuple[OtherDrone, ...]:
-        """The teammates in the air. `waits`: this drone waits, and lets all others pass."""
+        """Where the teammates are. `waits`: this drone waits, and lets all others pass."""
         everybody = (*self._mates.values(), *self._doubles.values())
         found = (mate.drone(now_s, other_waits=waits) for mate in everybody)
         return tuple(each for each in found if each is not None)
@@ -148,7 +147,6 @@ class Team:
         return TeamView(
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
-            has_shared_map=any(mate.pieces and mate.is_credible for mate in self._mates.values()),
         )
 
     def joined(self, grid: Occupancy) -> Occupancy:

@@ -54,6 +54,23 @@ REFINE_PERIOD_S = 4.0
 """Interval between two alignments of the maps, s. Chosen."""
 MEASURED_BEFORE_S = 1.0
 """Time of a teammate's readings on this drone's map, s: before all of its own."""
+ON_PAD = State(
+    ne_m=(0.0, 0.0),
+    height_m=0.0,
+    yaw_rad=0.0,
+    velocity_ne_m_s=(0.0, 0.0),
+    position_sigma_m=0.0,
+    phase="",
+    is_flying=False,
+    needs_column=False,
+    waits=False,
+    battery=1.0,
+    target=(),
+    is_extra=False,
+    arrives_in_s=0.0,
+    received={},
+)
+"""State of a drone that was not heard yet: it stands on its pad."""
 
 
 class Teammate:
@@ -185,12 +202,12 @@ class Teammate:
         return now_s - self._heard_s < SILENT_S
 
     def drone(self, now_s: float, *, other_waits: bool) -> OtherDrone | None:
-        """Where it is; None if that is unknown, or if it stands on the ground.
+        """Where it is: on its pad until it is heard; None if it was not heard for long.
 
         `other_waits`: this drone waits, and lets it pass.
         """
-        state, age_s = self.state, now_s - self._heard_s
-        if state is None or not self.is_known(now_s) or not state.is_flying:
+        state, age_s = self.state or ON_PAD, now_s - self._heard_s
+        if self.state is not None and not self.is_known(now_s):
             return None
         yaw_rad = float(self.start[YAW])
         velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
@@ -204,8 +221,10 @@ class Teammate:
         return OtherDrone(
             (north_m + velocity[0] * known_s, east_m + velocity[1] * known_s),
             state.height_m,
+            state.yaw_rad + yaw_rad,
             velocity,
             sigma_m,
+            state.is_flying,
             state.needs_column,
             other_waits if state.waits != other_waits else self._comes_first,
         )

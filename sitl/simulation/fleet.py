@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from companion.core.frames import Vector3
 from companion.link.transports.transport import Transport
 from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
+from sitl.core.truth import TrueState
 from sitl.core.vehicle import STEP_S
 from sitl.simulation.record import AIRBORNE_M
 from sitl.simulation.simulation import Setup, Simulation
@@ -62,9 +62,9 @@ class Fleet:
             self.vehicles.append(Simulation(setup, links, watch, others))
 
     def _others_of(self, number: int) -> Others:
-        def others() -> list[Vector3]:
+        def others() -> list[TrueState]:
             return [
-                vehicle.autopilot.truth.position_ned_m
+                vehicle.autopilot.truth
                 for other, vehicle in enumerate(self.vehicles)
                 if other != number
             ]

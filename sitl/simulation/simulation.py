@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from companion.config.range_sensors import SharpOnAds1115, SharpOnMcp3008
 from companion.config.settings import SensorsConfig
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
@@ -27,7 +28,13 @@ from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.starvation import Starvation
-from sitl.simulation.traffic import Others, clearance_to_others_m, no_others, with_others
+from sitl.simulation.traffic import (
+    Others,
+    clearance_to_others_m,
+    no_others,
+    with_crosstalk,
+    with_others,
+)
 from sitl.world.format import World
 from sitl.world.geometry.model import WorldModel
 
@@ -70,7 +77,7 @@ class Simulation:
     """One vehicle in one world.
 
     `transports` are its links, the companion's first. `watch` is called for each parameter that a
-    client sets. `others` returns the positions of other vehicles.
+    client sets. `others` returns the states of other vehicles.
     """
 
     def __init__(
@@ -149,11 +156,15 @@ class Simulation:
             self.autopilot.crash("hit an obstacle")
 
     def _everybody(self) -> Sequence[Vector3]:
-        return [*self._others(), *self.bystanders]
+        return [*(other.position_ned_m for other in self._others()), *self.bystanders]
 
     def _range_query(self, beam: Beam) -> RangeQuery:
         """Ranges to walls and to other bodies."""
-        return with_others(beam_query(self._setup, self._model, beam), self._everybody)
+        query = with_others(beam_query(self._setup, self._model, beam), self._everybody)
+        if not isinstance(self._setup.sensors.beams[beam], SharpOnAds1115 | SharpOnMcp3008):
+            return query
+        random = stream(self._setup.seed, f"crosstalk {beam.value}")
+        return with_crosstalk(query, self._others, random)
 
 
 def beam_query(setup: Setup, model: WorldModel, beam: Beam) -> RangeQuery:

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Callable, Sequence
+from random import Random
 
 from companion.core.frames import Vector3
+from sitl.core.truth import TrueState
 from sitl.sensors.beam import RangeQuery
 from sitl.world.geometry.model import BODY_RADIUS_M
 
@@ -15,11 +17,18 @@ as the air in the rotors, v = √(m·g / (2·ρ·A)) = 4.5 m/s for 0.9 kg on fou
 JET_RADIUS_M, JET_LENGTH_M = 0.3, 2.0
 """Radius of the jet, and distance over which it slows down to 1/e, m. Assumed: half the width of
 the vehicle with its rotors."""
-Others = Callable[[], Sequence[Vector3]]
-"""Returns the positions of the other vehicles, world NED, m."""
+FACING_COS = math.cos(math.radians(5))
+"""Two infrared sensors see each other's light within this angle of both beams. Assumed: the width
+of the emitted beam."""
+LEVEL_AXES_RAD = tuple(math.radians(degrees) for degrees in (0, 90, -90))
+"""Bearings of a vehicle's front, right and left beam."""
+Bodies = Callable[[], Sequence[Vector3]]
+"""Returns the positions of bodies, world NED, m."""
+Others = Callable[[], Sequence[TrueState]]
+"""Returns the states of the other vehicles."""
 
 
-def no_others() -> Sequence[Vector3]:
+def no_others() -> Sequence[TrueState]:
     """No other vehicles."""
     return ()
 
@@ -43,7 +52,35 @@ def downwash_m_s(position: Vector3, others: Sequence[Vector3]) -> float:
     return pushed_m_s
 
 
-def with_others(walls: RangeQuery, others: Others) -> RangeQuery:
+def with_crosstalk(query: RangeQuery, others: Others, random: Random) -> RangeQuery:
+    """Range of an infrared sensor that other vehicles' sensors dazzle.
+
+    Where two sensors face each other, each triangulates the light of the other, and measures any
+    shorter distance.
+    """
+
+    def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
+        measured_m = query(origin, direction, most_m)
+        for other in others():
+            away_m = _to_body_m(origin, direction, other.position_ned_m)
+            is_met = measured_m is not None and away_m <= measured_m + 1e-9
+            if is_met and _faces(other, direction):
+                return random.uniform(0.0, away_m)
+        return measured_m
+
+    return range_m
+
+
+def _faces(other: TrueState, direction: Vector3) -> bool:
+    """True if one of a vehicle's level beams points against a direction (unit vector)."""
+    axes = (other.yaw_rad + axis_rad for axis_rad in LEVEL_AXES_RAD)
+    return any(
+        -(direction[0] * math.cos(axis) + direction[1] * math.sin(axis)) > FACING_COS
+        for axis in axes
+    )
+
+
+def with_others(walls: RangeQuery, others: Bodies) -> RangeQuery:
     """Range to the nearest surface: a wall, or the body of another vehicle."""
 
     def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:

@@ -37,10 +37,14 @@ def other(
     ne_m: tuple[float, float],
     height_m: float = LEVEL_M,
     *,
+    yaw_rad: float = 0.8,
+    is_flying: bool = True,
     needs_column: bool = False,
     has_right_of_way: bool = False,
 ) -> OtherDrone:
-    return OtherDrone(ne_m, height_m, (0.0, 0.0), 0.0, needs_column, has_right_of_way)
+    still = (0.0, 0.0)
+    flags = is_flying, needs_column, has_right_of_way
+    return OtherDrone(ne_m, height_m, yaw_rad, still, 0.0, *flags)
 
 
 def safe(setpoint: Setpoint, near: OtherDrone, *, needs_column: bool = False) -> Setpoint:
@@ -76,6 +80,12 @@ def test_a_drone_in_its_column_has_the_right_of_way_at_any_height() -> None:
     climbing = other(place, 0.2, needs_column=True)
     assert safe(Setpoint(), climbing).forward_m_s < 0
     assert safe(Setpoint(), other(place), needs_column=True).forward_m_s == 0
+
+
+def test_a_drone_on_the_ground_is_no_reason_to_give_way() -> None:
+    near = other((0.5, 0.0), 0.0, is_flying=False, has_right_of_way=True)
+    assert safe(Setpoint(0.3), near).forward_m_s == pytest.approx(0.3)
+    assert climb_limits([near], AT_HOME, 0.4, 0.45) == (-0.4, 0.4)
 
 
 def test_drones_far_enough_apart_in_height_pass_each_other() -> None:
@@ -123,7 +133,9 @@ def at(distance_m: float) -> RangeReading:
 
 def beams_left(scan: dict[Beam, RangeReading], near: OtherDrone) -> set[Beam]:
     kept = without_others(RangeScan(0.0, scan), AT_HOME, [near], BEARING_FRD_RAD)
-    return set(kept.readings)
+    assert set(kept.readings) == set(scan)
+    stale = RangeState.STALE
+    return {beam for beam, reading in kept.readings.items() if reading.state is not stale}
 
 
 @given(st.floats(0.8, 4.0), st.sampled_from(list(BEARING_FRD_RAD)))
@@ -137,6 +149,14 @@ def test_a_beam_measures_what_stands_before_a_teammate_and_beside_it() -> None:
     assert beams_left({Beam.FRONT: at(2.0), Beam.RIGHT: at(2.8)}, ahead) == {Beam.FRONT, Beam.RIGHT}
     assert beams_left({Beam.FRONT: at(2.8)}, other((3.0, 1.0))) == {Beam.FRONT}
     assert beams_left({Beam.FRONT: at(2.8)}, other((3.0, 0.0), LEVEL_M + 0.75)) == {Beam.FRONT}
+
+
+def test_a_beam_that_a_teammate_dazzles_measures_nothing() -> None:
+    """Two infrared sensors that face each other measure any distance up to the teammate."""
+    scan = {Beam.FRONT: at(1.0)}
+    assert beams_left(scan, other((3.0, 0.0), yaw_rad=math.pi)) == set()
+    assert beams_left(scan, other((3.0, 0.0), yaw_rad=0.5 * math.pi + 0.1)) == set()
+    assert beams_left(scan, other((3.0, 0.0), yaw_rad=math.pi + 0.5)) == {Beam.FRONT}
 
 
 def test_the_vertical_beams_do_not_take_a_teammate_for_ceiling_or_floor() -> None:

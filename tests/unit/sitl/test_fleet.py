@@ -1,6 +1,7 @@
 """Tests of several vehicles in one world: they detect each other and can collide."""
 
 import math
+from random import Random
 from typing import Any
 
 import pytest
@@ -13,9 +14,16 @@ from companion.link.requests import command_long
 from companion.link.transports.transport import Transport, direct_pair
 from sitl.autopilot.core import keep_nothing
 from sitl.core.errors import SitlError
+from sitl.core.truth import TrueState
 from sitl.simulation.fleet import Fleet, fleet_setups
 from sitl.simulation.simulation import Setup
-from sitl.simulation.traffic import clearance_to_others_m, with_others
+from sitl.simulation.traffic import (
+    JET_M_S,
+    clearance_to_others_m,
+    downwash_m_s,
+    with_crosstalk,
+    with_others,
+)
 from sitl.world.format import parse_world
 from sitl.world.geometry.model import BODY_RADIUS_M
 
@@ -141,3 +149,29 @@ def test_the_clearance_is_between_the_bodies() -> None:
     others = [(3.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     assert clearance_to_others_m((0.0, 0.0, 0.0), others) == pytest.approx(1 - 2 * BODY_RADIUS_M)
     assert clearance_to_others_m((0.0, 0.0, 0.0), []) == math.inf
+
+
+def test_the_air_below_a_vehicle_pushes_down_what_is_there() -> None:
+    above = [(0.0, 0.0, -2.0)]
+    assert 0.5 * JET_M_S < downwash_m_s((0.0, 0.0, -1.3), above) < JET_M_S
+    assert downwash_m_s((1.5, 0.0, -1.3), above) < 1e-6
+    assert downwash_m_s((0.0, 0.0, -2.7), above) == 0.0
+
+
+def facing(yaw_rad: float) -> TrueState:
+    return TrueState(0.0, (3.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0, 0.0, yaw_rad, 0.0)
+
+
+@pytest.mark.parametrize(("yaw_rad", "is_dazzled"), [(math.pi, True), (math.pi + 0.3, False)])
+def test_infrared_sensors_that_face_each_other_dazzle(yaw_rad: float, is_dazzled: bool) -> None:
+    walls = with_others(lambda origin, direction, most_m: 5.0, lambda: [(3.0, 0.0, -1.2)])
+    query = with_crosstalk(walls, lambda: [facing(yaw_rad)], Random(1))
+    measured = {query((0.0, 0.0, -1.2), (1.0, 0.0, 0.0), 5.5) for _ in range(20)}
+    assert all(distance_m <= 3.0 - BODY_RADIUS_M for distance_m in measured if distance_m)
+    assert (len(measured) > 10) == is_dazzled
+
+
+def test_a_wall_before_a_vehicle_shields_its_light() -> None:
+    walls = with_others(lambda origin, direction, most_m: 2.0, lambda: [(3.0, 0.0, -1.2)])
+    query = with_crosstalk(walls, lambda: [facing(math.pi)], Random(1))
+    assert query((0.0, 0.0, -1.2), (1.0, 0.0, 0.0), 5.5) == 2.0

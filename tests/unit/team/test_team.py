@@ -128,7 +128,8 @@ def test_strange_packets_are_dropped_and_counted() -> None:
     packets = b"", b"\x93nonsense", foreign, unknown
     team.hear(0.0, packets, lambda: walls_of(1), Occupancy())
     assert team.dropped == 3
-    assert not team.others(0.0, waits=False)
+    [on_its_pad] = team.others(0.0, waits=False)
+    assert not on_its_pad.is_flying
 
 
 def test_a_restarted_teammate_begins_anew_when_the_one_before_is_silent() -> None:
@@ -153,7 +154,7 @@ def test_two_drones_with_one_number_are_kept_apart_and_told() -> None:
     assert "two drones have the number 2" in first.team.notice
     second.hear(0.1, packets)
     assert "two drones have the number 2" in second.team.notice
-    assert len(second.team.others(0.1, waits=False)) == 1
+    assert [each.is_flying for each in second.team.others(0.1, waits=False)] == [False, True]
 
 
 def test_a_drone_with_other_software_is_told() -> None:
@@ -174,5 +175,6 @@ def test_the_map_of_a_drone_that_is_not_on_its_pad_is_not_used(off_m: float) -> 
     talk(first, second, 40.0)
     is_used = off_m == 0
     assert ("drone 2 contradicts" in first.team.notice) == (not is_used)
-    assert first.team.view(40.0)["has_shared_map"] == is_used
+    is_joined = first.team.joined(Occupancy()).free.any()
+    assert is_joined == is_used
     assert first.team.others(40.0, waits=False)
