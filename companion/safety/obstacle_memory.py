@@ -92,6 +92,8 @@ class Surroundings:
     """(d,): distance to keep from each, between the centres, m."""
     lets_pass: bool = False
     """The drone is to be above a teammate that has the right of way."""
+    is_column_free: bool = True
+    """No teammate flies near the column above the drone."""
     climb_limits_m_s: Vector2 = (-MAX_CLIMB_M_S, MAX_CLIMB_M_S)
     """Least and greatest down velocity that keeps teammates clear, m/s."""
     lane: Callable[[float], Lane] = all_swept

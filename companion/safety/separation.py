@@ -96,6 +96,14 @@ def lets_pass(others: Sequence[OtherDrone], pose: Pose, level_m: float, *, passe
     )
 
 
+def is_column_free(others: Sequence[OtherDrone], pose: Pose) -> bool:
+    """True if no teammate flies near the column above the drone."""
+    return not any(
+        each.is_flying and math.dist(each.ne_m, pose.ne_m) < KEEP_OFF_M + each.sigma_m
+        for each in others
+    )
+
+
 def climb_limits(
     others: Sequence[OtherDrone], pose: Pose, max_climb_m_s: float, lag_s: float
 ) -> tuple[float, float]:

@@ -24,6 +24,7 @@ from companion.safety.obstacle_memory import Surroundings
 from companion.safety.separation import (
     OtherDrone,
     climb_limits,
+    is_column_free,
     keep_off,
     lets_pass,
     without_others,
@@ -86,6 +87,7 @@ class OnBoardTeam:
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
             lets_pass=lets_pass(others, pose, level_m, passes=flight.passes_above),
+            is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
 

@@ -91,9 +91,9 @@ def connect(
 def prepare(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    """PREPARE: waits for the estimate, the gyro and, with a script, the order to take off."""
-    vehicle = view.vehicle
-    if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
+    """PREPARE: waits for the estimate, the gyro, teammates and, with a script, the order."""
+    vehicle, is_free = view.vehicle, view.around.is_column_free
+    if vehicle.estimate_ready and view.gyro_at_rest and not view.starved and is_free:
         if view.order is None:
             return _ask_for_mode(flight, view, plan), NOTHING
         if view.order.task is Task.TAKE_OFF:
@@ -102,7 +102,8 @@ def prepare(
         return replace(flight, since_s=view.time_s), NOTHING
     if age_s(flight, view) > PREPARE_TIMEOUT_S:
         no_estimate = vehicle.waits_for or "no position estimate"
-        missing = "the gyro is not at rest" if vehicle.estimate_ready else no_estimate
+        missing = "the gyro is not at rest" if is_free else "a teammate flies above the pad"
+        missing = missing if vehicle.estimate_ready else no_estimate
         trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {view.starved or missing}"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
     return flight, NOTHING

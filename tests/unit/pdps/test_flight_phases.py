@@ -53,6 +53,39 @@ def test_prepare_waits_for_gyro_and_estimate() -> None:
     assert after(Phase.PREPARE, view(ON_GROUND))[0] is Phase.OFFBOARD
 
 
+def test_prepare_waits_for_a_teammate_above_the_pad() -> None:
+    seen = replace(view(ON_GROUND), around=Surroundings(is_column_free=False))
+    assert after(Phase.PREPARE, seen)[0] is Phase.PREPARE
+    late, _ = step(flying(Phase.PREPARE), replace(seen, time_s=1000.0), PLAN)
+    assert late.phase is Phase.FAILED
+    assert "a teammate flies above the pad" in late.trouble
+
+
+def test_a_drone_climbs_on_the_spot_to_let_a_teammate_pass_and_comes_down_again() -> None:
+    """Above the height of the mission it does not fly on, because lintels are not on the map."""
+    home = flying(Phase.HOME)
+    flight, action = step(home, replace(view(), around=Surroundings(lets_pass=True)), PLAN)
+    assert flight.passes_above
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s < 0
+    assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
+    high = view(height_m=PLAN.height_m + 0.75)
+    flight, action = step(flight, high, PLAN)
+    assert not flight.passes_above
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s > 0
+    assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
+
+
+def test_a_drone_does_not_climb_or_descend_to_a_teammate() -> None:
+    held = Surroundings(climb_limits_m_s=(0.0, 0.0))
+    for height_m in (PLAN.height_m - 0.5, PLAN.height_m + 0.1):
+        seen = replace(view(height_m=height_m), around=held)
+        _, action = step(flying(Phase.HOME), seen, PLAN)
+        assert action.setpoint is not None
+        assert action.setpoint.down_m_s == 0.0
+
+
 def test_the_flight_requests_the_mode_then_arms_then_takes_off() -> None:
     phase, action = after(Phase.OFFBOARD, view(ON_GROUND))
     assert (phase, asks(action)) == (Phase.OFFBOARD, CommandKind.OFFBOARD_MODE)

@@ -23,6 +23,7 @@ from companion.safety.separation import (
     YIELD_M,
     OtherDrone,
     climb_limits,
+    is_column_free,
     keep_off,
     lets_pass,
     without_others,
@@ -125,6 +126,11 @@ def test_no_drone_climbs_for_one_that_yields_or_lands_or_is_down() -> None:
         other((1.0, 0.0), 0.0, has_right_of_way=True),
     ):
         assert not lets_pass([near], AT_HOME, LEVEL_M, passes=False)
+
+
+def test_the_column_is_free_if_no_teammate_flies_there() -> None:
+    assert is_column_free([other((2.0, 0.0)), other((0.2, 0.0), 0.0, is_flying=False)], AT_HOME)
+    assert not is_column_free([other((0.5, 0.0))], AT_HOME)
 
 
 def at(distance_m: float) -> RangeReading:
