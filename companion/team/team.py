@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypedDict
 
-from companion.config.team import TeamConfig
+from companion.config.team import MAX_DRONES, TeamConfig
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import joined
 from companion.mapping.occupancy import Occupancy
@@ -102,6 +102,8 @@ class Team:
         if packet.team != self._config.name:
             return
         mate = self._sender(now_s, packet)
+        if mate.is_outdated(packet):
+            return
         match packet.body:
             case State():
                 mate.hear_state(now_s, packet.body)
@@ -129,6 +131,8 @@ class Team:
             return mate
         key = packet.drone, packet.instance
         if key not in self._doubles:
+            if len(self._doubles) >= MAX_DRONES:
+                raise PacketError(f"{len(self._doubles)} other drones have numbers of this team")
             self._doubles[key] = self._new_mate(packet.drone)
             self._doubles[key].reset(packet.instance)
         self.notice = f"team: two drones have the number {packet.drone}; give each its own"
@@ -143,7 +147,7 @@ class Team:
     def view(self, now_s: float) -> TeamView:
         """What the missions know of the teammates."""
         claims = (mate.claim(now_s) for mate in self._mates.values())
-        tracings = (mate.tracing() for mate in self._mates.values())
+        tracings = (mate.tracing(now_s) for mate in self._mates.values())
         return TeamView(
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),

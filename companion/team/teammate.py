@@ -21,8 +21,10 @@ from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
+    Body,
     Keyframes,
     MapPiece,
+    Packet,
     PacketError,
     State,
     Track,
@@ -96,6 +98,8 @@ class Teammate:
         self._refined_s = -math.inf
         self.state: State | None = None
         self._heard_s = -math.inf
+        self._latest: dict[type[Body], int] = {}
+        """Number of the latest packet of each kind."""
         self._walls: Unknowns | None = None
         self._pending: dict[int, MapPiece] = {}
         self.pieces = 0
@@ -104,6 +108,15 @@ class Teammate:
         self._grid = RedrawnGrid()
         self._track: Track | None = None
         self._track_places = np.empty((0, 2))
+
+    def is_outdated(self, packet: Packet) -> bool:
+        """True if a later packet of the same kind has overtaken it; map pieces never are."""
+        kind = type(packet.body)
+        if kind is MapPiece:
+            return False
+        latest = self._latest.get(kind, -1)
+        self._latest[kind] = max(packet.number, latest)
+        return packet.number < latest
 
     def hear_state(self, now_s: float, state: State) -> None:
         self.state, self._heard_s = state, now_s
@@ -240,7 +253,7 @@ class Teammate:
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
         return Claim(places, left_s, state.is_extra, self._comes_first)
 
-    def tracing(self) -> Tracing | None:
+    def tracing(self, now_s: float) -> Tracing | None:
         """Its round of the room; None if it traces none."""
         track, state = self._track, self.state
         if track is None or state is None or not self.is_credible:
@@ -249,8 +262,8 @@ class Teammate:
             self._in_own_frame(state.ne_m),
             None if track.wall_rad is None else track.wall_rad + float(self.start[YAW]),
             track.side,
-            state.is_flying,
-            track.is_tracing and state.is_flying,
+            state.is_flying and self.is_known(now_s),
+            track.is_tracing and state.is_flying and self.is_heard(now_s),
             self._placed(self._track_places),
             self._comes_first,
         )

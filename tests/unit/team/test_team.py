@@ -1,6 +1,8 @@
 """Tests what a drone knows of its teammates: places, claims, maps, over a radio that loses much."""
 
 import math
+from dataclasses import replace
+from functools import partial
 from random import Random
 
 import msgspec
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import Occupancy
-from companion.team.messages import VERSION, Packet, encode
+from companion.team.messages import VERSION, Packet, Track, encode
 from companion.team.team import Team
 from companion.team.teammate import LOST_S, SILENT_S
 from tests.unit.team.rooms import PADS, Member, config, state, walls_of
@@ -58,6 +60,24 @@ def test_of_two_drones_the_one_that_waits_gives_way() -> None:
     second.hear(0.0, first.tell(0.0, waits=True))
     [other] = second.team.others(0.0, waits=False)
     assert not other.has_right_of_way
+
+
+def test_a_packet_that_was_overtaken_changes_nothing() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    early = second.team.tell(0.0, state((0.0, 0.0)), second.own)
+    late = second.team.tell(0.3, state((0.0, 1.0)), second.own)
+    first.hear(0.4, (*late, *early))
+    [other] = first.team.others(0.4, waits=False)
+    assert other.ne_m == pytest.approx((0.0, 0.5))
+
+
+def test_a_silent_drone_does_not_trace_on() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    track = partial(Track, 0.0, -1, True, b"")
+    second.own = replace(second.own, track=track)
+    first.hear(0.0, second.tell(0.0))
+    assert [each.is_tracing for each in first.team.view(1.0)["tracings"]] == [True]
+    assert [each.is_tracing for each in first.team.view(SILENT_S + 1)["tracings"]] == [False]
 
 
 def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
