@@ -1,6 +1,5 @@
 """Flies a mission: `companion fly`; the only place that assembles the parts of a flight."""
 
-import secrets
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
@@ -23,6 +22,7 @@ from companion.core.printed import flight_console
 from companion.earlier import EarlierFlights
 from companion.run.hardware import open_rig
 from companion.run.unattended import EXIT_FAILED, fly_to_the_end
+from companion.team.radio import new_instance
 from companion.view.feed import open_feed
 
 commands = typer.Typer()
@@ -48,7 +48,7 @@ def fly_command(
     )
     with flight_console() as console:
         if survey is None:
-            app = App(settings, instance=secrets.randbits(32))
+            app = App(settings, instance=new_instance())
             code = _fly(app, settings, out, console)
         else:
             code = _fly_on(settings, survey, console)
@@ -65,7 +65,7 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
     earlier = survey.earlier()
     if earlier is not None:
         console.print(left_to_fly(earlier, settings).in_words())
-    app = App(settings, earlier, instance=secrets.randbits(32))
+    app = App(settings, earlier, instance=new_instance())
     code = _fly(app, settings, folder / "last_flight", console, earlier=earlier, recordings=folder)
     if app.flight.is_to_be_continued:
         console.print(f"to be continued: {app.flight.ending}", soft_wrap=True)

@@ -11,6 +11,7 @@ before, or without a recent recording, lands.
 
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
@@ -39,6 +40,8 @@ from companion.run.loop import Rig, fly
 from companion.run.systemd import Service
 from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.safety.health.lateness import TICK_S
+from companion.team.radio import NoRadio, TeamRadio, new_instance
+from companion.team.zenoh_radio import open_team_radio
 
 REPLAY_S = 0.04
 """Real time per tick for the replay, s. Chosen."""
@@ -105,13 +108,23 @@ class Recovery:
             continues=crashed.path.name,
             earlier=recording.earlier,
         )
-        rig = make_rig(settings, recorder.tap(self._transport), wires, clock)
-        app = App(recording.config, recording.earlier)
-        if not hold(rig.link, clock, replayed(recording, app)):
-            return self.map_only()
-        if app.estimator is None or app.flight.phase not in FLYING_PHASES:
-            return self._land()
-        return fly_to_the_end(app, rig, recorder, out=self._out, console=self._console)
+        with ExitStack() as stack:
+            radio = self._team_radio(stack)
+            rig = make_rig(settings, recorder.tap(self._transport), wires, clock, radio)
+            app = App(recording.config, recording.earlier, instance=new_instance())
+            if not hold(rig.link, clock, replayed(recording, app)):
+                return self.map_only()
+            if app.estimator is None or app.flight.phase not in FLYING_PHASES:
+                return self._land()
+            return fly_to_the_end(app, rig, recorder, out=self._out, console=self._console)
+
+    def _team_radio(self, stack: ExitStack) -> TeamRadio:
+        """The radio of a team; without one the drone flies on alone."""
+        try:
+            return stack.enter_context(open_team_radio(self._settings.team))
+        except CompanionError as error:
+            self._console.print(f"the team cannot be heard: {error}", soft_wrap=True)
+            return NoRadio()
 
     def _land(self) -> int:
         """Land with a flight that only lands; the map is computed from the recording."""

@@ -29,6 +29,7 @@ from companion.export.write import write
 from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
 from companion.run.loop import fly
+from companion.team.radio import new_instance
 
 T = TypeVar("T")
 LOOK_S = 0.2
@@ -70,7 +71,7 @@ class Drone:
         self._config = config
         self._out = out
         self._tell = tell
-        self._app = App(config)
+        self._app = App(config, instance=new_instance())
         self._order = Order()
         self._is_to_land = False
         self._latest: Outputs | None = None

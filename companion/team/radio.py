@@ -1,7 +1,13 @@
 """Interface of the radio between the drones of a team."""
 
+import secrets
 from collections.abc import Sequence
 from typing import Protocol
+
+
+def new_instance() -> int:
+    """A number that differs at each start of the program, for `App`."""
+    return secrets.randbits(32)
 
 
 class TeamRadio(Protocol):

@@ -105,6 +105,7 @@ def test_all_that_a_teammate_saw_arrives_over_any_radio(loss: float, seed: int) 
 
 def test_a_drone_that_joins_late_gets_all() -> None:
     first, second, late = Member(1, 0), Member(2, 40), Member(1, 0)
+    late.team = Team(config(1), instance=9)
     talk(first, second, 30.0)
     talk(late, second, 60.0, since_s=30.0)
     assert late.team.received == first.team.received
