@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -87,19 +88,19 @@ def test_a_drone_does_not_receive_its_own_packets(radios: list[TeamRadio]) -> No
     assert b"first" not in first.receive()
 
 
-def test_many_packets_arrive_in_order(radios: list[TeamRadio]) -> None:
+def test_packets_arrive_once_and_in_order(radios: list[TeamRadio]) -> None:
+    """Some may be lost: a radio that cannot send at once drops a packet."""
     first, second, _ = radios
-    hears(second, [first], b"connected")
-    second.receive()
-    first.send([b"%03d" % number for number in range(100)])
     arrived: list[bytes] = []
+    numbers = count(1)
 
-    def is_complete() -> bool:
-        arrived.extend(packet for packet in second.receive() if packet != b"connected")
+    def are_many() -> bool:
+        first.send([b"%06d" % next(numbers) for _ in range(5)])
+        arrived.extend(second.receive())
         return len(arrived) >= 100
 
-    until(is_complete, "all packets")
-    assert arrived == [b"%03d" % number for number in range(100)]
+    until(are_many, "a hundred packets")
+    assert arrived == sorted(set(arrived))
 
 
 def test_packets_with_another_key_are_dropped(tmp_path: Path) -> None:
