@@ -19,6 +19,9 @@ starts = [
   { name = "right", position = [4, 4.5], heading_deg = 0 },
 ]
 """
+SPEED = "4"
+"""Times real time. The radio between the processes runs in real time: a delay of 50 ms is 0.2 s of
+the flight."""
 PADS = [{}, {"east_m": 2.0}]
 
 
@@ -41,7 +44,7 @@ def test_two_companions_trace_a_room_together(tmp_path: Path) -> None:
     world, truth = tmp_path / "room.toml", tmp_path / "truth.json"
     world.write_text(WORLD)
     links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
-    pace = ("--lockstep", "--speed", "1000", "--truth", str(truth))
+    pace = ("--lockstep", "--speed", SPEED, "--truth", str(truth))
     addresses = [f"127.0.0.1:{free_tcp_port()}" for _ in PADS]
     with started(sitl("run", str(world), *links, *pace)) as vehicles:
         output = "".join(read_until(vehicles, "sitl://") for _ in PADS)
