@@ -137,24 +137,23 @@ def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightS
 def _let_pass(
     flight: FlightState, view: TickInput, plan: MissionConfig, wanted: Setpoint
 ) -> tuple[FlightState, Setpoint]:
-    """Notes whether the drone is to be above a teammate. Until it is down again, it stays there.
+    """Holds the place while the drone is above a teammate, and until it is down again.
 
     Above the height of the mission the map is not valid, such as under a lintel.
     """
-    passes = view.around.lets_pass and flight.phase is not Phase.DESCEND
+    is_above = view.observation.pose.height_m > flight.layers.height_m(plan) + ABOVE_LEVEL_M
+    passes = view.around.lets_pass or (flight.passes_above and is_above)
+    passes = passes and flight.phase is not Phase.DESCEND
     if passes != flight.passes_above:
         flight = replace(flight, passes_above=passes)
-    is_above = view.observation.pose.height_m > flight.layers.height_m(plan) + ABOVE_LEVEL_M
-    if flight.phase is Phase.DESCEND or not (passes or is_above):
-        return flight, wanted
-    return flight, Setpoint(yaw_rate_rad_s=wanted.yaw_rate_rad_s)
+    return flight, Setpoint(yaw_rate_rad_s=wanted.yaw_rate_rad_s) if passes else wanted
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity, m/s, that keeps the layer's height and the clearance to the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
-    height_m += PASSING_M if flight.passes_above else 0.0
+    height_m += PASSING_M if flight.passes_above and view.around.lets_pass else 0.0
     down_m_s = climb_to(height_m, view.observation.pose.height_m)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
     least_m_s, most_m_s = view.around.climb_limits_m_s

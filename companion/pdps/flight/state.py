@@ -134,7 +134,7 @@ class FlightState:
     land_mode_seen: bool = False
     """True once the autopilot has reported LAND."""
     passes_above: bool = False
-    """True while the drone has climbed to let a teammate pass below."""
+    """True from when the drone climbs to let a teammate pass below, until it is down again."""
     obeyed: int = 0
     """Number of the last executed order."""
 

@@ -71,10 +71,18 @@ def test_a_drone_climbs_on_the_spot_to_let_a_teammate_pass_and_comes_down_again(
     assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
     high = view(height_m=PLAN.height_m + 0.75)
     flight, action = step(flight, high, PLAN)
-    assert not flight.passes_above
     assert action.setpoint is not None
     assert action.setpoint.down_m_s > 0
     assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
+    flight, action = step(flight, view(), PLAN)
+    assert not flight.passes_above
+
+
+def test_a_drone_that_lets_nobody_pass_flies_on_at_any_height() -> None:
+    flight = replace(flying(Phase.BUILDING), building=Explore(here_ne_m=(0.0, 0.0)))
+    flight, action = step(flight, view(height_m=PLAN.height_m + 0.5), PLAN)
+    assert action.setpoint is not None
+    assert np.hypot(action.setpoint.forward_m_s, action.setpoint.right_m_s) > 0.1
 
 
 def test_a_drone_does_not_climb_or_descend_to_a_teammate() -> None:
