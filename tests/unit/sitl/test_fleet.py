@@ -40,7 +40,7 @@ heading_deg = 0
 [[starts]]
 name = "other"
 position = [6.5, 6]
-heading_deg = 90
+heading_deg = 60
 """
 APART_M = 2.5
 PLACE = (473_977_000, 85_456_000, 488_000)
