@@ -70,6 +70,10 @@ class RangeReading:
         return self.state not in (RangeState.STALE, RangeState.FAILED)
 
 
+STALE = RangeReading(RangeState.STALE)
+"""Reading in place of one of which nothing is known, although the sensor works."""
+
+
 class RangeModel(Protocol):
     """Measurement model of a type of range sensor."""
 

@@ -284,11 +284,12 @@ def _is_more_expected(claims: tuple[Claim, ...]) -> bool:
 
 def _to_wait(explore: Explore, observation: Observation) -> Explore:
     """Enters WAIT, at the place where the drone is."""
-    here, now_s = observation.pose.ne_m, observation.pose.time_s
-    last = explore.travel or explore.came
-    came = None if last is None else replace(last, course=None)
-    return Explore(
-        ExplorePhase.WAIT, here_ne_m=here, tried=explore.tried, came=came, checked_s=now_s
+    pose = observation.pose
+    return replace(
+        _to_choose(explore, None),
+        phase=ExplorePhase.WAIT,
+        here_ne_m=pose.ne_m,
+        checked_s=pose.time_s,
     )
 
 

@@ -18,12 +18,11 @@ import numpy as np
 from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.navigation.observation import Observation, Tracing
 from companion.pdps.perpendicular import SAME_WALL_RAD
-from companion.pdps.room_scan_state import RoomScan
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
 
 MEETS_M = 4.0
 """Two drones meet within this distance along the wall, m. Chosen: the one that leaves is out of the
-other's way before they keep off each other.
-"""
+other's way before they keep off each other."""
 ASIDE_M = 1.0
 """A teammate at the same wall is within this distance of this drone's path, m. Chosen."""
 TRACED_M = 0.4
@@ -53,6 +52,16 @@ def other_wall_rad(heading_rad: float, observation: Observation) -> float | None
             is_same = abs(wrap_rad(other.wall_rad - heading_rad)) < SAME_WALL_RAD
             return None if is_same else other.wall_rad
     return None
+
+
+def facing_other_wall(
+    scan: RoomScan, heading_rad: float, observation: Observation
+) -> RoomScan | None:
+    """The scan that faces the wall of the other drone; None if `heading_rad` faces it already."""
+    wall_rad = other_wall_rad(heading_rad, observation)
+    if wall_rad is None:
+        return None
+    return RoomScan(ScanPhase.FACE, side=scan.side, heading_rad=wall_rad)
 
 
 def divided(scan: RoomScan, observation: Observation) -> RoomScan:

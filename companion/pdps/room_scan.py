@@ -43,7 +43,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
 from companion.navigation.swing import Swing
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
-from companion.pdps.room_halves import divided, has_met, other_wall_rad, to_other_ne_m
+from companion.pdps.room_halves import divided, facing_other_wall, has_met, to_other_ne_m
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.safety.control_laws import (
     BODY_RADIUS_M,
@@ -130,8 +130,8 @@ def _turn(
     nearest = find_perpendicular(scan.turn, to_other_ne_m(observation))
     if nearest is None:
         return RoomScan(ScanPhase.SEEK, side=scan.side, heading_rad=yaw_rad), Setpoint()
-    if (wall_rad := other_wall_rad(nearest.bearing_rad, observation)) is not None:
-        return RoomScan(ScanPhase.FACE, side=scan.side, heading_rad=wall_rad), Setpoint()
+    if (other := facing_other_wall(scan, nearest.bearing_rad, observation)) is not None:
+        return other, Setpoint()
     behind_m = free_distance(scan.turn, nearest.bearing_rad + math.pi, SEEN_BY_ONE_TURN_M)
     may_back_m = max(behind_m - MIN_ROOM_BEHIND_M, 0.0)
     faced = RoomScan(
@@ -169,8 +169,8 @@ def _face(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     scan = _refined(scan, observation)
-    if (wall_rad := other_wall_rad(scan.heading_rad, observation)) is not None:
-        return RoomScan(ScanPhase.FACE, side=scan.side, heading_rad=wall_rad), Setpoint()
+    if (other := facing_other_wall(scan, scan.heading_rad, observation)) is not None:
+        return other, Setpoint()
     if _on_heading(scan, observation):
         return replace(scan, phase=ScanPhase.STAND_OFF, faced_s=observation.pose.time_s), Setpoint()
     return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, observation, plan))
@@ -180,8 +180,8 @@ def _stand_off(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     scan = divided(_refined(scan, observation), observation)
-    if (wall_rad := other_wall_rad(scan.heading_rad, observation)) is not None:
-        return RoomScan(ScanPhase.FACE, side=scan.side, heading_rad=wall_rad), Setpoint()
+    if (other := facing_other_wall(scan, scan.heading_rad, observation)) is not None:
+        return other, Setpoint()
     distance_m = _wall_distance_m(scan, observation)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, observation):
         return replace(scan, phase=ScanPhase.SCAN, swing=Swing(scan.side)), Setpoint()

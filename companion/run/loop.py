@@ -9,11 +9,10 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.core.messages import Order, RangeReading, RangeScan, RangeState
+from companion.core.messages import STALE, Order, RangeScan
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
 from companion.link.reports import Reports
-from companion.pdps.flight.state import FlightState
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 from companion.team.radio import NoRadio, TeamRadio
@@ -23,9 +22,6 @@ READ_S = 0.06
 
 Chosen: a longer read means that the process was suspended, so the time of the data is unknown.
 """
-
-STALE = RangeReading(RangeState.STALE)
-"""Reading that replaces those with an unknown time."""
 
 Record = Callable[[float, Inputs, Outputs], None]
 """Callback at the end of every tick: time (s), inputs, outputs."""
@@ -54,7 +50,7 @@ class Rig:
 
 
 class ControlLoop:
-    """The control loop of one flight; its caller waits for the time of each tick."""
+    """The control loop of one flight."""
 
     def __init__(
         self,
@@ -70,6 +66,12 @@ class ControlLoop:
         self._watch, self._record = watch, record
         self._land_requested, self._orders = land_requested, orders
         self._tick = 0
+
+    def run(self) -> None:
+        """Run the flight until it ends for any reason."""
+        due_s: float | None = 0.0
+        while due_s is not None:
+            due_s = self.tick(self._rig.clock.wait_until(due_s))
 
     def tick(self, began_s: float) -> float | None:
         """Run the tick that began now, s; return the time of the next, or None at the end."""
@@ -87,23 +89,6 @@ class ControlLoop:
             return None
         self._tick = max(self._tick + 1, int(began_s / TICK_S))
         return self._tick * TICK_S
-
-
-def fly(
-    app: App,
-    rig: Rig,
-    watch: Callable[[Progress], None],
-    land_requested: Callable[[], bool] = lambda: False,
-    record: Record = record_nothing,
-    *,
-    orders: Callable[[], Order | None] = lambda: None,
-) -> FlightState:
-    """Run the flight until it ends for any reason; returns its final state."""
-    loop = ControlLoop(app, rig, watch, land_requested, record, orders=orders)
-    due_s: float | None = 0.0
-    while due_s is not None:
-        due_s = loop.tick(rig.clock.wait_until(due_s))
-    return app.flight
 
 
 def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inputs, float]:

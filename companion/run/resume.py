@@ -36,7 +36,7 @@ from companion.recording.replay import replay
 from companion.run.clocks import Clock, open_clock
 from companion.run.console import summary
 from companion.run.hardware import make_rig
-from companion.run.loop import Rig, fly
+from companion.run.loop import ControlLoop, Rig
 from companion.run.systemd import Service
 from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.safety.health.lateness import TICK_S
@@ -138,7 +138,7 @@ class Recovery:
         app = App(settings)
         app.flight = FlightState(Phase.LAND, now_s, began_s=now_s, trouble=CRASHED)
         service = Service()
-        fly(app, rig, lambda progress: service.alive(progress.activity))
+        ControlLoop(app, rig, lambda progress: service.alive(progress.activity)).run()
         self._console.print(app.flight.ending)
         if app.flight.phase is Phase.FAILED:
             return EXIT_FAILED  # it may be in the air: systemd tries again

@@ -28,7 +28,7 @@ from companion.export.map_files import save
 from companion.export.write import write
 from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
-from companion.run.loop import fly
+from companion.run.loop import ControlLoop
 from companion.team.radio import new_instance
 
 T = TypeVar("T")
@@ -204,14 +204,14 @@ class Drone:
                 self._tick(outputs)
 
             try:
-                fly(
+                ControlLoop(
                     self._app,
                     rig,
                     _nobody_at_a_terminal,
                     lambda: self._is_to_land,
                     record,
                     orders=lambda: self._order,
-                )
+                ).run()
             finally:
                 self._plan = self._app.final_floor_plan()
                 recorder.close(self._plan)

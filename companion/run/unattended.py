@@ -13,7 +13,7 @@ from companion.export.map_files import AutoSave, save
 from companion.pdps.flight.state import FlightState, Phase
 from companion.recording.recorder import Recorder
 from companion.run.console import ProgressLine, summary
-from companion.run.loop import Record, Rig, fly, record_nothing
+from companion.run.loop import ControlLoop, Record, Rig, record_nothing
 from companion.run.systemd import Service
 
 EXIT_FAILED = 1
@@ -55,7 +55,7 @@ def fly_to_the_end(
                 recorder.tick(now_s, inputs, outputs)
                 look_on(now_s, inputs, outputs)
 
-            fly(app, rig, watch, interrupted.requested, record)
+            ControlLoop(app, rig, watch, interrupted.requested, record).run()
     except KeyboardInterrupt:
         _leave(app, recorder, service, autosave, out=out, console=console)
         raise

@@ -14,18 +14,19 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, points_to_frd, wrap_rad
-from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeReading, RangeScan, RangeState
+from companion.core.messages import BEARING_FRD_RAD, STALE, Beam, Pose, RangeScan, RangeState
 from companion.core.values import value
 from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
 
 MIN_VERTICAL_M = 0.62
 """Two drones at least so far apart in height pass each other freely, m. Chosen: the bodies are 0.22
 m apart."""
+PASSING_M = 0.75
+"""Climb of a drone that lets another one pass below, m. Chosen: beyond `MIN_VERTICAL_M`, by the
+errors of two heights."""
 KEEP_OFF_M, YIELD_M = 0.9, 1.2
 """Horizontal distance between the centres that a drone with the right of way keeps, and one
 without, m. Chosen: the bodies are 0.5 m apart at the first."""
-STALE = RangeReading(RangeState.STALE)
-"""Reading in place of one that may be of a teammate: the sensor works, and nothing is known."""
 PASS_WITHIN_M, PASSED_AT_M = 0.2, 0.8
 """A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
 and descends again beyond the second, m. Chosen."""
@@ -45,7 +46,6 @@ class OtherDrone:
     ne_m: Vector2
     height_m: float
     yaw_rad: float
-    velocity_ne_m_s: Vector2
     sigma_m: float
     """Of its position relative to this drone, on each axis."""
     is_flying: bool

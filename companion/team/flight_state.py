@@ -7,8 +7,7 @@ from companion.core.messages import Pose
 from companion.pdps.explore import ExplorePhase
 from companion.pdps.flight.state import COLUMN_PHASES, FLYING_PHASES, FlightState, Phase
 from companion.pdps.room_scan_state import ScanPhase
-from companion.team.messages import State, Track, pack_floats
-from companion.team.sharing import thinned
+from companion.team.messages import MAX_PLACES, State, Track, pack_floats
 
 DOWN_M = 0.4
 """A drone that lands is below all others under this height, m. Chosen: the lowest height of a
@@ -57,8 +56,14 @@ def state_of(
         needs_column(flight, pose.height_m),
         flight.waits,
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
-        thinned(look.at_ne_m) if look else (),
+        _thinned(look.at_ne_m) if look else (),
         look is not None and look.is_extra,
         max(building.arrives_s - pose.time_s, 0.0) if look else 0.0,
         received,
     )
+
+
+def _thinned(places: tuple[Vector2, ...]) -> tuple[Vector2, ...]:
+    """At most `MAX_PLACES` of the places, evenly."""
+    step = -(-len(places) // MAX_PLACES)
+    return places[::step] if step > 1 else places

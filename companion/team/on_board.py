@@ -1,8 +1,10 @@
 """The team as one drone's flight uses it in each tick.
 
-hear     takes the teammates' packets, and removes readings that may be of teammates
-around   adds the teammates to the surroundings
-tell     makes the packets for the teammates
+    hear     takes the teammates' packets, and removes readings that may be of teammates
+    around   adds the teammates to the surroundings
+    tell     makes the packets for the teammates
+
+A drone that flies alone has no such object.
 """
 
 from collections.abc import Mapping

@@ -16,7 +16,6 @@ from companion.core.values import value
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import (
-    MAX_PLACES,
     Body,
     Keyframes,
     MapPiece,
@@ -135,9 +134,3 @@ class Sharing:
         first, last = int(rays[0, 0]), int(rays[-1, 0])
         poses = own.keyframes[first : last + 1]
         return MapPiece(number, first, pack_floats(poses), pack_rays(rays, first))
-
-
-def thinned(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """At most `MAX_PLACES` of the places, evenly."""
-    step = -(-len(places) // MAX_PLACES)
-    return places[::step] if step > 1 else places

@@ -235,7 +235,6 @@ class Teammate:
             (north_m + velocity[0] * known_s, east_m + velocity[1] * known_s),
             state.height_m,
             state.yaw_rad + yaw_rad,
-            velocity,
             sigma_m,
             state.is_flying,
             state.needs_column,

@@ -6,12 +6,12 @@ from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
-from rich import box
 from rich.table import Table
 
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
 from sitl.bench.parallel import attempted
+from sitl.bench.tables.worlds import world_table
 from sitl.running.options import MAX_BATTERY_S
 from sitl.running.sorties import Sorties
 from sitl.scoring.report import Report
@@ -148,21 +148,11 @@ _COLUMNS = (
 
 def survey_table(result: dict[str, Any]) -> Table:
     """A row for each survey, and the totals as caption."""
-    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading, _ in _COLUMNS:
-        table.add_column(heading, justify="right")
-    for row in result["rows"]:
-        table.add_row(row["world"], *(_cell(form, row) for _, form in _COLUMNS))
-    table.caption = ", ".join(f"{key}: {value}" for key, value in result["totals"].items())
-    return table
+    return world_table(result, _COLUMNS, _by_flight)
 
 
-def _cell(form: str, row: dict[str, Any]) -> str:
-    by_flight = " ".join(f"{each['coverage']:.2f}" for each in row["sorties"])
-    try:
-        return form.format(**row, by_flight=by_flight)
-    except (KeyError, TypeError, ValueError):
-        return "–"
+def _by_flight(row: dict[str, Any]) -> dict[str, Any]:
+    return {"by_flight": " ".join(f"{each['coverage']:.2f}" for each in row["sorties"])}
 
 
 def failed(surveys: Sequence[SurveyFlown]) -> Iterator[str]:

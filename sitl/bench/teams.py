@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
-from rich import box
 from rich.table import Table
 
 from companion.app import Progress
@@ -18,6 +17,7 @@ from companion.pdps.room_scan_state import ScanPhase
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
 from sitl.bench.parallel import attempted
+from sitl.bench.tables.worlds import world_table
 from sitl.scoring.coverage_time import first_seen_s, time_to_see_s
 from sitl.scoring.report import Report, make_report
 from sitl.scoring.team_report import TeamResult, scored
@@ -200,17 +200,4 @@ _COLUMNS = (
 
 def team_table(result: dict[str, Any]) -> Table:
     """A row for each team, and the totals as caption."""
-    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading, _ in _COLUMNS:
-        table.add_column(heading, justify="right")
-    for row in result["rows"]:
-        table.add_row(row["world"], *(_cell(form, row) for _, form in _COLUMNS))
-    table.caption = ", ".join(f"{key}: {value}" for key, value in result["totals"].items())
-    return table
-
-
-def _cell(form: str, row: dict[str, Any]) -> str:
-    try:
-        return form.format(**row)
-    except (KeyError, TypeError, ValueError):
-        return "–"
+    return world_table(result, _COLUMNS)

@@ -7,7 +7,7 @@ from companion.config.settings import Config
 from companion.link.transports.transport import direct_pair, pipe_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.run.hardware import make_rig
-from companion.run.loop import fly
+from companion.run.loop import ControlLoop
 from sitl.autopilot.core import keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.sensors.line import on_virtual_time
@@ -69,5 +69,5 @@ def fly_in_lockstep(
     clock = LockstepClock(simulation, lambda: script(simulation, app))
     wires = on_virtual_time(simulation.board.bus)
     rig = make_rig(config, recorder.tap(companion_end), wires, clock)
-    fly(app, rig, watch, land_requested, recorder.tick)
+    ControlLoop(app, rig, watch, land_requested, recorder.tick).run()
     return app, simulation

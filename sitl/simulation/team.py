@@ -1,9 +1,10 @@
 """Flies a team in lockstep: all drones in one world, on one virtual clock, in one process.
 
-drone 1: autopilot, sensors ◄──► companion ◄─┐
-drone 2: autopilot, sensors ◄──► companion ◄─┼─► simulated radio
-...                                          │
-Each tick: the drone that is due next; before it, time advances for all.
+    drone 1: autopilot, sensors ◄──► companion ◄─┐
+    drone 2: autopilot, sensors ◄──► companion ◄─┼─► simulated radio
+    ...                                          │
+
+Each tick is of the drone that is due next. Before it, time advances for all.
 """
 
 from collections.abc import Callable, Sequence

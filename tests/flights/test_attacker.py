@@ -11,7 +11,7 @@ from companion.config.settings import Config
 from companion.link.signing import Signing
 from companion.link.transports.transport import Message, make_codec, pipe_pair
 from companion.run.hardware import make_rig
-from companion.run.loop import fly
+from companion.run.loop import ControlLoop
 from sitl.autopilot.ardupilot import LAND, LOITER
 from sitl.simulation.lockstep import LockstepClock
 from sitl.simulation.simulation import Setup, Simulation
@@ -88,7 +88,8 @@ def flown(
 
     app = App(config)
     clock = LockstepClock(simulation, between)
-    fly(app, make_rig(config, companion_end, simulation.board.bus, clock), watch)
+    rig = make_rig(config, companion_end, simulation.board.bus, clock)
+    ControlLoop(app, rig, watch).run()
     return app, simulation
 
 

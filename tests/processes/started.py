@@ -5,10 +5,12 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from companion.config import settings as configuration
+from companion.config.settings import Config
 from tests.waiting import DEADLINE_S
 
 
@@ -83,6 +85,26 @@ def flying(mavlink_port: str, bus_port: str, out: Path, *options: str) -> subpro
         stderr=subprocess.STDOUT,
         text=True,
     )
+
+
+def pilot(
+    number: int,
+    mavlink_port: str,
+    bus_port: str,
+    folder: Path,
+    team: Mapping[str, object] | None = None,
+) -> list[str]:
+    """`companion fly` for the vehicle of that system id, set by a configuration file."""
+    settings = Config.model_validate(
+        {
+            "link": {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number},
+            "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"},
+            "team": team or {},
+        }
+    )
+    file = folder / f"drone_{number}.toml"
+    file.write_text(configuration.to_toml(settings))
+    return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
 
 
 def read_until(process: subprocess.Popen[str], words: str) -> str:

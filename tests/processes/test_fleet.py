@@ -3,10 +3,8 @@
 import re
 from pathlib import Path
 
-from companion.config import settings as configuration
-from companion.config.settings import Config
 from tests.processes.scoring import assert_good
-from tests.processes.started import companion, read_until, sitl, started, stop
+from tests.processes.started import pilot, read_until, sitl, started, stop
 from tests.waiting import DEADLINE_S
 
 WORLD = """
@@ -25,17 +23,6 @@ position = [2.4, 1.8]
 name = "south"
 position = [21.8, 2.9]
 """
-
-
-def pilot(number: int, mavlink_port: str, bus_port: str, folder: Path) -> list[str]:
-    """`companion fly` for the vehicle of that system id, set by a configuration file."""
-    link = {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number}
-    settings = Config.model_validate(
-        {"link": link, "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"}}
-    )
-    file = folder / f"drone_{number}.toml"
-    file.write_text(configuration.to_toml(settings))
-    return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
 
 
 def test_two_vehicles_complete_their_missions_at_once(tmp_path: Path) -> None:

@@ -5,9 +5,7 @@ import math
 import re
 from pathlib import Path
 
-from companion.config import settings as configuration
-from companion.config.settings import Config
-from tests.processes.started import companion, free_tcp_port, read_until, sitl, started, stop
+from tests.processes.started import free_tcp_port, pilot, read_until, sitl, started, stop
 from tests.waiting import DEADLINE_S
 
 WORLD = """
@@ -25,32 +23,18 @@ the flight."""
 PADS = [{}, {"east_m": 2.0}]
 
 
-def pilot(number: int, ports: tuple[str, str], addresses: list[str], folder: Path) -> list[str]:
-    """`companion fly` for one drone of the team."""
-    mavlink_port, bus_port = ports
-    settings = Config.model_validate(
-        {
-            "link": {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number},
-            "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"},
-            "team": {"name": "pair", "drone": number, "pads": PADS, "addresses": addresses},
-        }
-    )
-    file = folder / f"drone_{number}.toml"
-    file.write_text(configuration.to_toml(settings))
-    return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
-
-
 def test_two_companions_trace_a_room_together(tmp_path: Path) -> None:
     world, truth = tmp_path / "room.toml", tmp_path / "truth.json"
     world.write_text(WORLD)
     links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
     pace = ("--lockstep", "--speed", SPEED, "--truth", str(truth))
     addresses = [f"127.0.0.1:{free_tcp_port()}" for _ in PADS]
+    team = {"name": "pair", "pads": PADS, "addresses": addresses}
     with started(sitl("run", str(world), *links, *pace)) as vehicles:
         output = "".join(read_until(vehicles, "sitl://") for _ in PADS)
         found = re.findall(r"127\.0\.0\.1:(\d+)  system \d", output)
-        first = pilot(1, (found[0], found[1]), addresses, tmp_path)
-        second = pilot(2, (found[2], found[3]), addresses, tmp_path)
+        first = pilot(1, found[0], found[1], tmp_path, team | {"drone": 1})
+        second = pilot(2, found[2], found[3], tmp_path, team | {"drone": 2})
         with started(first) as one, started(second) as other:
             for flying in (one, other):
                 output, _ = flying.communicate(timeout=DEADLINE_S)

@@ -85,13 +85,11 @@ from companion.safety.control_laws import (
     approach_speed,
     climb_to,
 )
+from companion.safety.separation import PASSING_M
 from companion.safety.velocity_guard import guarded
 
 ABOVE_LEVEL_M = 0.2
 """Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
-PASSING_M = 0.75
-"""Climb of a drone that lets another one pass below, m. Chosen: beyond `MIN_VERTICAL_M`, by the
-errors of two heights."""
 
 
 def step(

@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from companion.core.messages import (
+    STALE,
     Beam,
     Fault,
     GyroSample,
     Odometry,
-    RangeReading,
     RangeScan,
     RangeState,
     Setpoint,
@@ -32,8 +32,6 @@ the drone drifts, so it lands sooner than after a link failure."""
 HEADING_S = 0.15
 """Maximum difference between the times of ranges and heading, s. Chosen: in a turn, older ranges
 would be wrong by 7°."""
-STALE = RangeReading(RangeState.STALE)
-"""Reading in place of one that cannot be assigned to a pose."""
 NEEDED_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
 """Beams without which the drone lands."""
 

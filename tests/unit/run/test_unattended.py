@@ -17,6 +17,7 @@ from companion.core.errors import LinkError, OutputError
 from companion.pdps.flight.state import FlightState, Phase
 from companion.recording.recorder import NOT_RECORDED
 from companion.run import unattended
+from companion.run.loop import ControlLoop
 
 
 @contextmanager
@@ -31,11 +32,10 @@ def on_no_drone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
-    def fly(app: App, *_: object) -> FlightState:
-        app.flight = FlightState(phase, trouble="so it ended")
-        return app.flight
+    def run(loop: ControlLoop) -> None:
+        loop._app.flight = FlightState(phase, trouble="so it ended")
 
-    monkeypatch.setattr(unattended, "fly", fly)
+    monkeypatch.setattr(ControlLoop, "run", run)
 
 
 def flown(folder: Path, console: Console | None = None) -> int:
@@ -47,10 +47,10 @@ def flown(folder: Path, console: Console | None = None) -> int:
 def test_an_error_in_flight_gives_the_failure_status_and_the_map_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
-    def fail(*_: object) -> None:
+    def fail(loop: ControlLoop) -> None:
         raise LinkError(os.strerror(number))
 
-    monkeypatch.setattr(unattended, "fly", fail)
+    monkeypatch.setattr(ControlLoop, "run", fail)
     assert flown(tmp_path) == unattended.EXIT_FAILED
     assert (tmp_path / "map.json").exists()
 

@@ -43,9 +43,8 @@ def other(
     needs_column: bool = False,
     has_right_of_way: bool = False,
 ) -> OtherDrone:
-    still = (0.0, 0.0)
     flags = is_flying, needs_column, has_right_of_way
-    return OtherDrone(ne_m, height_m, yaw_rad, still, 0.0, *flags)
+    return OtherDrone(ne_m, height_m, yaw_rad, 0.0, *flags)
 
 
 def safe(setpoint: Setpoint, near: OtherDrone, *, needs_column: bool = False) -> Setpoint:
