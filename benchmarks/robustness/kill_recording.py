@@ -51,7 +51,7 @@ def kill_a_flight(folder: Path, after_s: float, speed: float) -> Killed:
     sitl = subprocess.Popen([*command, f"--truth={truth}"], stdout=subprocess.PIPE, text=True)
     try:
         assert sitl.stdout is not None
-        mavlink_port, bus_port = ports(sitl.stdout)
+        [(mavlink_port, bus_port)] = ports(sitl.stdout)
         companion = subprocess.Popen(
             [
                 *(sys.executable, "-m", "companion", "fly", f"--out={folder}"),

@@ -1,15 +1,21 @@
 """Replays a flight from its recorded inputs."""
 
-from companion.app import App
+from collections.abc import Callable
+
+from companion.app import App, Outputs
 from companion.recording.exact import encode_plan
 from companion.recording.reader import Recording
 
 
-def replay(recording: Recording) -> App:
-    """The companion's state after the last recorded tick."""
+def nobody_looks_on(outputs: Outputs) -> None:
+    """Ignore the outputs."""
+
+
+def replay(recording: Recording, look_on: Callable[[Outputs], None] = nobody_looks_on) -> App:
+    """The companion's state after the last recorded tick; `look_on` is called at every tick."""
     app = App(recording.config, recording.earlier)
     for tick in recording.ticks:
-        app.step(tick.now_s, tick.inputs)
+        look_on(app.step(tick.now_s, tick.inputs))
     return app
 
 

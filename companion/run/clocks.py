@@ -31,6 +31,10 @@ class Clock(Protocol):
         """Current time, s."""
         ...
 
+    def close(self) -> None:
+        """End the use of this clock; may be called again."""
+        ...
+
 
 class SystemClock:
     """The machine's monotonic clock; it starts at `start_s` when this object is created."""

@@ -68,10 +68,11 @@ class ControlLoop:
         self._tick = 0
 
     def run(self) -> None:
-        """Run the flight until it ends for any reason."""
+        """Run the flight until it ends for any reason; then nobody waits for its clock."""
         due_s: float | None = 0.0
         while due_s is not None:
             due_s = self.tick(self._rig.clock.wait_until(due_s))
+        self._rig.clock.close()
 
     def tick(self, began_s: float) -> float | None:
         """Run the tick that began now, s; return the time of the next, or None at the end."""

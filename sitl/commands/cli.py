@@ -41,7 +41,9 @@ from sitl.running.options import (
 )
 from sitl.running.server import Endpoint, Server
 from sitl.running.sockets import external_endpoint, fleet_endpoints
-from sitl.simulation.record import TruthRecord
+from sitl.simulation.fleet import fleet_setups
+from sitl.simulation.record import TruthRecord, truth_files
+from sitl.simulation.team_pads import pads_as_toml, setups_on_pads, team_pads
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
@@ -53,7 +55,15 @@ EXIT_REFUSED = 2
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
 MAX_SPEED = 1000.0
 """Largest factor of real time."""
-EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--battery-s", "--lockstep")
+EMULATED_ONLY = (
+    "--vehicles",
+    "--team",
+    "--mavlink",
+    "--params",
+    "--param",
+    "--battery-s",
+    "--lockstep",
+)
 """Options that an external autopilot does not have."""
 
 commands = typer.Typer(
@@ -117,6 +127,10 @@ def run(
         int,
         typer.Option(help="Number of vehicles, each with link and bus on the next ports.", min=1),
     ] = 1,
+    team: Annotated[
+        int,
+        typer.Option(help="Drones of a team, on pads beside the start.", min=1, max=MAX_DRONES),
+    ] = 1,
     mavlink: Mavlink = None,
     signing_key: Annotated[
         Path | None,
@@ -141,7 +155,7 @@ def run(
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     external = autopilot is RunAutopilot.EXTERNAL
     if external:
-        _reject_emulated_only(vehicles > 1, mavlink, params, param, battery_s, lockstep)
+        _reject_emulated_only(vehicles > 1, team > 1, mavlink, params, param, battery_s, lockstep)
     options = FlightOptions(
         world,
         seed,
@@ -160,13 +174,19 @@ def run(
     if external:
         _run_external(options, connect, bus_port, truth)
         return
+    if vehicles > 1 and team > 1:
+        raise SitlError("--vehicles and --team cannot be combined")
     setup, watch = options.setup()
+    if team > 1:
+        pads = team_pads(setup, options.settings({}).mission.height_m, team)
+        print(f"team     {pads_as_toml(pads)}")
+        setups = setups_on_pads(setup, pads)
+    else:
+        setups = fleet_setups(setup, vehicles)
     links = mavlink or [DEFAULT_MAVLINK]
-    fleet, endpoints = fleet_endpoints(
-        setup, watch, vehicles, links, bus_port, signing_key=signing_key
-    )
-    for number, endpoint in enumerate(endpoints):
-        _print_endpoint(endpoint, f"system {setup.system_id + number}" if vehicles > 1 else "")
+    fleet, endpoints = fleet_endpoints(setups, watch, links, bus_port, signing_key=signing_key)
+    for each, endpoint in zip(setups, endpoints, strict=True):
+        _print_endpoint(endpoint, f"system {each.system_id}" if len(setups) > 1 else "")
     _serve(Server(fleet, endpoints, speed=speed, lockstep=lockstep))
     _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
 
@@ -204,10 +224,10 @@ def _serve(server: Server) -> None:
 
 
 def _save_truth(records: list[TruthRecord], path: Path | None) -> None:
-    """Write one file per vehicle; those after the first are numbered."""
+    """Write one file per vehicle."""
     if path is None:
         return
-    paths = [path, *(path.with_stem(f"{path.stem}_{n + 2}") for n in range(len(records) - 1))]
+    paths = truth_files(path, len(records))
     each_by_itself(partial(record.save, to) for record, to in zip(records, paths, strict=True))
 
 
@@ -253,7 +273,8 @@ def fly(
     mission_set: MissionSet = None,
     config: ConfigFile = None,
     transport: Annotated[
-        Transport, typer.Option(help="direct, bytes: one process; udp: two processes.")
+        Transport,
+        typer.Option(help="direct, bytes: one process; udp: one for sitl, one for each companion."),
     ] = Transport.DIRECT,
     speed: Annotated[
         float,
@@ -310,11 +331,15 @@ def fly(
         result, reported = survey.joint, survey.as_json()
         outputs += [partial(save, survey.merged.plan, out)] if out else []
     elif team > 1:
-        if transport is not Transport.DIRECT or flown.events:
-            raise SitlError("--team needs --transport direct, and a mission without events")
-        from sitl.running.team import fly_team  # noqa: PLC0415
+        if transport is Transport.BYTES or flown.events:
+            raise SitlError("--team needs --transport direct or udp, and a mission without events")
+        from sitl.running.team import fly_team, fly_team_in_processes  # noqa: PLC0415
 
-        joint = fly_team(options, settings, team, out=out, console=console)
+        if transport is Transport.UDP:
+            out = out or Path("out")
+            joint = fly_team_in_processes(options, settings, team, speed, out=out, console=console)
+        else:
+            joint = fly_team(options, settings, team, out=out, console=console)
         result, reported = joint.joint, joint.as_json()
         outputs += [partial(save, joint.merged.plan, out)] if out else []
     elif transport is Transport.UDP:

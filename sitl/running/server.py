@@ -3,9 +3,11 @@
 One thread runs one loop. While companions request virtual time, the simulation advances to the
 earliest requested time, at most at `speed` times real time. Without requests, for example with only
 a ground station connected, it runs in real time. In `lockstep` mode time advances only when every
-vehicle's companion requests it, so that a flight is bit-identical at any speed.
+vehicle's companion requests it, so that a flight is bit-identical at any speed. A companion that
+has disconnected is not waited for.
 """
 
+import math
 import selectors
 import socket
 import time
@@ -69,7 +71,7 @@ class _Client:
     socket: socket.socket
     connection: BusConnection
     endpoint: Endpoint
-    asked_s: float = float("-inf")
+    asked_s: float = -math.inf
     """Wall time of its last clock request, s."""
 
 
@@ -109,7 +111,7 @@ class Server:
         self._pace = Pace(speed)
         self._clients: list[_Client] = []
         self._unattended = list(endpoints)
-        """Endpoints without a clock request so far."""
+        """Endpoints without a clock request and without a client that has left, so far."""
         self._attended_s = -UNATTENDED_AFTER_S
         self.attended_for_s = 0.0
         """Wall time from the first clock request to the last answer, s."""
@@ -162,9 +164,10 @@ class Server:
         self._send(client, client.connection.feed(data))
         if client.connection.waits_for:
             client.asked_s = time.monotonic()
-            self._unattended = [
-                endpoint for endpoint in self._unattended if endpoint is not client.endpoint
-            ]
+            self._no_longer_await(client.endpoint)
+
+    def _no_longer_await(self, endpoint: Endpoint) -> None:
+        self._unattended = [each for each in self._unattended if each is not endpoint]
 
     def _send(self, client: _Client, replies: bytes) -> None:
         try:
@@ -178,6 +181,7 @@ class Server:
     def _drop(self, client: _Client) -> None:
         if client in self._clients:
             self._clients.remove(client)
+            self._no_longer_await(client.endpoint)
             self._selector.unregister(client.socket)
             client.socket.close()
 
@@ -185,7 +189,7 @@ class Server:
         """Advance to the earliest time that all attending clients have requested."""
         now_s = time.monotonic()
         waiting = [client for client in self._clients if client.connection.waits_for]
-        attending = [c for c in self._clients if now_s - c.asked_s <= UNATTENDED_AFTER_S]
+        attending = [client for client in self._clients if self._attends(client, now_s)]
         if not waiting or not all(client in waiting for client in attending):
             return
         if self._lockstep and self._unattended:
@@ -203,6 +207,17 @@ class Server:
         self.attended_for_s = self._attended_s - self._first_request_s
         for client in waiting:
             self._answer(client)
+
+    def _attends(self, client: _Client, now_s: float) -> bool:
+        """True if time waits for this client.
+
+        In lockstep it waits for the last client of each vehicle that has requested a time, until
+        that client disconnects.
+        """
+        if now_s - client.asked_s <= UNATTENDED_AFTER_S:
+            return True
+        latest_s = max(c.asked_s for c in self._clients if c.endpoint is client.endpoint)
+        return self._lockstep and -math.inf < client.asked_s == latest_s
 
     def _advance(self, target_s: float) -> None:
         served, attendance, began_s = self._served, self._attendance, time.monotonic()

@@ -8,7 +8,7 @@ from companion.link.transports.transport import AUTOPILOT_COMPONENT, UdpTranspor
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.external.vehicle import COMPONENT, ExternalVehicle
 from sitl.running.server import Endpoint, listen
-from sitl.simulation.fleet import Fleet, fleet_setups
+from sitl.simulation.fleet import Fleet
 from sitl.simulation.simulation import Setup
 
 ANY_PORT = 0
@@ -16,9 +16,8 @@ ANY_PORT = 0
 
 
 def fleet_endpoints(
-    setup: Setup,
+    setups: Sequence[Setup],
     watch: ParameterWatch,
-    vehicles: int,
     mavlink: Sequence[str],
     bus_port: int,
     *,
@@ -29,7 +28,6 @@ def fleet_endpoints(
     Raises:
         SitlError, LinkError: a port or address cannot be used.
     """
-    setups = fleet_setups(setup, vehicles)
     transports = [
         [
             UdpTransport(

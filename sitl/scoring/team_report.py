@@ -18,6 +18,28 @@ from sitl.simulation.team import TeamFlight
 
 
 @dataclass(frozen=True, slots=True)
+class FlownDrone:
+    """A drone of a team at the end of its flight."""
+
+    app: App | None
+    """Its companion at the end; None if that recorded nothing."""
+    truth: TruthRecord
+    sent_bytes: int
+    """Sent by its radio."""
+    crash: str = ""
+    """How its companion crashed; empty if the flight ended by its rules."""
+
+    @property
+    def completed(self) -> bool:
+        return not self.crash and self.app is not None and self.app.flight.completed
+
+    @property
+    def ending(self) -> str:
+        flown = self.app.flight.ending if self.app else "nothing was recorded"
+        return f"{self.crash}; {flown}" if self.crash else flown
+
+
+@dataclass(frozen=True, slots=True)
 class TeamResult:
     """A flight of a team as `sitl fly` reports it."""
 
@@ -35,18 +57,29 @@ class TeamResult:
 def scored(
     setup: Setup, configs: Sequence[Config], flight: TeamFlight, waited_s: float
 ) -> TeamResult:
-    """Make and score the joint map.
+    """Make and score the joint map of a team in one process; see `scored_together`."""
+    ends = zip(flight.apps, flight.fleet.vehicles, flight.air.sent_bytes, strict=True)
+    drones = [FlownDrone(app, vehicle.record, sent) for app, vehicle, sent in ends]
+    return scored_together(setup, configs[0], drones, waited_s)
+
+
+def scored_together(
+    setup: Setup, config: Config, drones: Sequence[FlownDrone], waited_s: float
+) -> TeamResult:
+    """Make and score the joint map. `config`: of the first drone.
 
     Raises:
         SitlError: no flight can be made into a map.
     """
-    team = configs[0].team
-    flown, truths = [], [vehicle.record for vehicle in flight.fleet.vehicles]
+    team = config.team
+    flown, truths = [], [drone.truth for drone in drones]
     given = {}
-    for number, (app, pad) in enumerate(zip(flight.apps, team.pads, strict=True), 1):
+    for number, (drone, pad) in enumerate(zip(drones, team.pads, strict=True), 1):
+        if drone.app is None:
+            continue
         name = f"flight {number}"
         try:
-            flown.append(Flown.of(name, app))
+            flown.append(Flown.of(name, drone.app))
         except SurveyError:
             continue
         given[name] = relative_pad(team.pads[0], pad)
@@ -55,29 +88,25 @@ def scored(
     merged = merge(flown, Starts(pad_sigma(team), given))
     joint = make_report(
         setup,
-        configs[0],
+        config,
         merged.plan,
         together(truths, merged),
-        outcome=_Outcome(flight.apps),
+        outcome=_Outcome(drones),
         waited_s=waited_s,
     )
     joint["return_m"] = round(max(map(return_m, truths)), 4)
     joint["flight_time_s"] = round(_airborne_s(truths), 4)
-    joint["apart_m"] = round(flight.fleet.least_apart_m, 4)
-    rows = [
-        _row(number, app, truth, flight.air.sent_bytes[number])
-        for number, (app, truth) in enumerate(zip(flight.apps, truths, strict=True))
-    ]
+    joint["apart_m"] = round(min(truth.apart_m for truth in truths), 4)
+    rows = [_row(number, drone) for number, drone in enumerate(drones, 1)]
     return TeamResult(joint, rows, merged)
 
 
 class _Outcome:
     """How the flight of the team ended."""
 
-    def __init__(self, apps: Sequence[App]) -> None:
-        flights = [app.flight for app in apps]
-        self.completed = all(flight.completed for flight in flights)
-        self.ending = "; ".join(dict.fromkeys(flight.ending for flight in flights))
+    def __init__(self, drones: Sequence[FlownDrone]) -> None:
+        self.completed = all(drone.completed for drone in drones)
+        self.ending = "; ".join(dict.fromkeys(drone.ending for drone in drones))
 
 
 def _airborne_s(truths: Sequence[TruthRecord]) -> float:
@@ -91,15 +120,16 @@ def _airborne_s(truths: Sequence[TruthRecord]) -> float:
     return max(airborne, default=0.0) - min(airborne, default=0.0)
 
 
-def _row(number: int, app: App, truth: TruthRecord, sent_bytes: int) -> Report:
+def _row(number: int, drone: FlownDrone) -> Report:
     """Results of one drone."""
+    truth = drone.truth
     return {
-        "drone": number + 1,
-        "completed": app.flight.completed and truth.collisions == 0,
-        "ending": app.flight.ending,
+        "drone": number,
+        "completed": drone.completed and truth.collisions == 0,
+        "ending": drone.ending,
         "flight_time_s": round(truth.air_time_s, 2),
         "collisions": truth.collisions,
         "clearance_m": round(truth.clearance_m, 4),
         "return_m": round(return_m(truth), 4),
-        "radio_bytes_s": round(sent_bytes / max(truth.path[-1].time_s, 1.0), 1),
+        "radio_bytes_s": round(drone.sent_bytes / max(truth.path[-1].time_s, 1.0), 1),
     }

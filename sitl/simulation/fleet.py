@@ -31,18 +31,22 @@ def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
             f"{setup.world_name} has {starts} start poses, {vehicles} vehicles need one each; "
             "add [[starts]] to it"
         )
-    if vehicles == 1:
-        return [setup]
-    parameter = FIRMWARES[setup.autopilot]().system_id_parameter
     return [
-        replace(
-            setup,
-            seed=setup.seed + SEEDS_APART * number,
-            start=(setup.start + number) % starts,
-            parameters={**setup.parameters, parameter: setup.system_id + number},
-        )
+        replace(member_setup(setup, number), start=(setup.start + number) % starts)
         for number in range(vehicles)
     ]
+
+
+def member_setup(setup: Setup, number: int) -> Setup:
+    """The setup of a vehicle, by its number from 0: with its own seed and system id."""
+    if number == 0:
+        return setup
+    parameter = FIRMWARES[setup.autopilot]().system_id_parameter
+    return replace(
+        setup,
+        seed=setup.seed + SEEDS_APART * number,
+        parameters={**setup.parameters, parameter: setup.system_id + number},
+    )
 
 
 class Fleet:
@@ -55,8 +59,6 @@ class Fleet:
         watch: ParameterWatch,
     ) -> None:
         self.vehicles: list[Simulation] = []
-        self.least_apart_m = math.inf
-        """Smallest distance between the centres of two vehicles in the air, m."""
         for number, (setup, links) in enumerate(zip(setups, transports, strict=True)):
             others = self._others_of(number) if len(setups) > 1 else no_others
             self.vehicles.append(Simulation(setup, links, watch, others))
@@ -96,6 +98,12 @@ class Fleet:
 
     def _measure(self) -> None:
         positions = (vehicle.autopilot.truth.position_ned_m for vehicle in self.vehicles)
-        airborne = [position for position in positions if -position[2] > AIRBORNE_M]
-        for one, other in combinations(airborne, 2):
-            self.least_apart_m = min(self.least_apart_m, math.dist(one, other))
+        airborne = [
+            (position, vehicle.record)
+            for position, vehicle in zip(positions, self.vehicles, strict=True)
+            if -position[2] > AIRBORNE_M
+        ]
+        for (one, its), (other, others) in combinations(airborne, 2):
+            apart_m = math.dist(one, other)
+            its.apart_m = min(its.apart_m, apart_m)
+            others.apart_m = min(others.apart_m, apart_m)

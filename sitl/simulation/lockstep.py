@@ -49,6 +49,9 @@ class LockstepClock:
             simulation.advance(simulation.time_s + late_s)
         return simulation.time_s
 
+    def close(self) -> None:
+        """No resource to release."""
+
 
 def fly_in_lockstep(
     setup: Setup,

@@ -24,6 +24,8 @@ class TruthRecord:
         self.clearance_m = math.inf
         self.collisions = 0
         self.air_time_s = 0.0
+        self.apart_m = math.inf
+        """Smallest distance to the centre of another vehicle while both are in the air, m."""
         self._touching = False
         self._last_s = take_off.time_s
 
@@ -68,6 +70,7 @@ class TruthRecord:
                     "clearance_m": self.clearance_m,
                     "collisions": self.collisions,
                     "air_time_s": self.air_time_s,
+                    "apart_m": self.apart_m,
                 }
             ),
             encoding="utf-8",
@@ -82,7 +85,13 @@ class TruthRecord:
         truth.clearance_m = record["clearance_m"]
         truth.collisions = record["collisions"]
         truth.air_time_s = record["air_time_s"]
+        truth.apart_m = record["apart_m"]
         return truth
+
+
+def truth_files(path: Path, vehicles: int) -> list[Path]:
+    """One file for each vehicle; those after the first are numbered."""
+    return [path, *(path.with_stem(f"{path.stem}_{n + 2}") for n in range(vehicles - 1))]
 
 
 def _state(record: dict[str, Any]) -> TrueState:

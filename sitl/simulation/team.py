@@ -54,6 +54,9 @@ class _Clock:
     def now_s(self) -> float:
         return self._simulation.time_s
 
+    def close(self) -> None:
+        """No resource to release."""
+
 
 def fly_team_in_lockstep(
     setups: Sequence[Setup],

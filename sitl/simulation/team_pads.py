@@ -4,7 +4,7 @@ Each drone is told where the pads are, and stands some centimetres and degrees o
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from companion.config.team import PadConfig, TeamConfig
 from companion.core.frames import Vector2, moved
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
-from sitl.simulation.fleet import SEEDS_APART
+from sitl.simulation.fleet import member_setup
 from sitl.simulation.simulation import Setup, start_state
 from sitl.world.format import Start
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
@@ -37,36 +37,40 @@ def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup
         SitlError: there is no place for a pad.
         ConfigError: the mission is not one that so many drones divide.
     """
+    pads = team_pads(setup, settings.mission.height_m, drones)
+    configs = []
+    for number in range(drones):
+        team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
+        link = settings.link.model_copy(update={"system_id": settings.link.system_id + number})
+        own = {"team": team.model_dump(), "link": link.model_dump(exclude_defaults=True)}
+        values = settings.model_dump(exclude_defaults=True) | own
+        configs.append(validated(Config, values, f"--team {drones}"))
+    return setups_on_pads(setup, pads), configs
+
+
+def setups_on_pads(setup: Setup, pads: Sequence[PadConfig]) -> list[Setup]:
+    """A setup for each drone; those after the first stand off their pads."""
     take_off = start_state(setup)
     start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
-    offsets = pad_offsets(setup, settings.mission.height_m, drones)
-    pads = tuple(PadConfig(north_m=ahead, east_m=right) for ahead, right in offsets)
-    setups, configs = [], []
-    for number, offset in enumerate(offsets):
-        team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
-        values = settings.model_dump(exclude_defaults=True) | {"team": team.model_dump()}
-        configs.append(validated(Config, values, f"--team {drones}"))
+    setups = []
+    for number, pad in enumerate(pads):
         draw = stream(setup.seed, f"pad {number}")
         error_m, error_rad = (
             (TEAM.pad_sigma_m, math.radians(TEAM.pad_sigma_deg)) if number else (0.0, 0.0)
         )
-        north_m, east_m = moved(start_ne_m, offset, take_off.yaw_rad)
+        north_m, east_m = moved(start_ne_m, (pad.north_m, pad.east_m), take_off.yaw_rad)
         heading_deg = math.degrees(take_off.yaw_rad + draw.gauss(0, error_rad))
         place = draw.gauss(north_m, error_m), draw.gauss(east_m, error_m)
         pose = Start(name=f"pad {number + 1}", position=place, heading_deg=heading_deg)
-        setups.append(
-            replace(
-                setup,
-                world=setup.world.model_copy(update={"starts": (pose,)}),
-                start=0,
-                seed=setup.seed + SEEDS_APART * number,
-            )
-        )
-    return setups, configs
+        world = setup.world.model_copy(update={"starts": (pose,)})
+        setups.append(replace(member_setup(setup, number), world=world, start=0))
+    return setups
 
 
-def pad_offsets(setup: Setup, height_m: float, drones: int) -> list[Vector2]:
-    """Where the pads stand, forward and right of the start, m; the first is the start itself.
+def team_pads(setup: Setup, height_m: float, drones: int) -> tuple[PadConfig, ...]:
+    """The pads around the start; the first is the start itself.
+
+    `height_m`: height of the mission, at which there must be space.
 
     Raises:
         SitlError: there is no place for a pad.
@@ -93,7 +97,14 @@ def pad_offsets(setup: Setup, height_m: float, drones: int) -> list[Vector2]:
             f"--team {drones}: there is room for {len(chosen)} pads near the start; choose another "
             "start, or fewer drones"
         )
-    return chosen
+    return tuple(PadConfig(north_m=ahead, east_m=right) for ahead, right in chosen)
+
+
+def pads_as_toml(pads: Sequence[PadConfig]) -> str:
+    """The pads as a line for the table `[team]` of each companion."""
+    tables = (pad.model_dump(exclude_defaults=True) for pad in pads)
+    texts = (", ".join(f"{key} = {value}" for key, value in table.items()) for table in tables)
+    return f"pads = [{', '.join(f'{{ {text} }}' if text else '{}' for text in texts)}]"
 
 
 def _candidates() -> Iterator[Vector2]:

@@ -305,6 +305,9 @@ class BenchClock:
     def now_s(self) -> float:
         return self._bench.time_s
 
+    def close(self) -> None:
+        """No resource to release."""
+
 
 def rig_on(bench: Bench) -> Rig:
     config = Config(sensors=bench.config)
