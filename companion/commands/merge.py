@@ -114,9 +114,12 @@ def _check(recordings: "list[Recording]") -> None:
 
     check_same_sensors(recordings)
     paths = [recording.path.resolve() for recording in recordings]
+    names = [path.name for path in paths]
     for path in paths:
         if paths.count(path) > 1:
             raise RecordingError(f"{path}: named twice; its measurements would count twice")
+        if names.count(path.name) > 1:
+            raise RecordingError(f"{path}: another recording has this name; rename one of them")
 
 
 def _team_starts(

@@ -79,7 +79,9 @@ def open_recorder(
     continues: str = "",
     earlier: EarlierFlights | None = None,
 ) -> Recorder:
-    """Open a recorder with new files in `folder`, named by the time; on failure only warn.
+    """Open a recorder with new files in `folder`; on failure only warn.
+
+    The files are named by the time, and by the number of a drone of a team.
 
     `continues` names the recording in the same folder that a crash has interrupted. `earlier`: the
     map of earlier flights with which the flight begins.
@@ -90,12 +92,14 @@ def open_recorder(
     if not config.recording.enabled:
         return NOT_RECORDED
     began = datetime.fromtimestamp(began_unix_s, UTC)
-    path = folder / f"flight_{began:%Y-%m-%d_%H-%M-%S}.mcap"
+    drone = f"_drone_{config.team.drone}" if config.team.name else ""
+    name = f"flight_{began:%Y-%m-%d_%H-%M-%S}{drone}"
+    path = folder / f"{name}.mcap"
     number = 1
     try:
         while path.exists():  # a Raspberry Pi without network may start twice at the same time
             number += 1
-            path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
+            path = path.with_stem(f"{name}_{number}")
         return FlightRecorder(
             path, config, began_unix_s, warn, clock, continues=continues, earlier=earlier
         )

@@ -24,6 +24,7 @@ from pydantic.dataclasses import dataclass as checked
 from companion.core.arrays import Array
 from companion.core.errors import CompanionError, SurveyError
 from companion.core.textfile import read_text
+from companion.drivers.models import level_units, range_models
 from companion.earlier import EarlierFlights
 from companion.export.map_files import save, save_as
 from companion.recording.reader import Recording, read
@@ -155,15 +156,22 @@ class Survey:
 def check_same_sensors(recordings: Sequence[Recording]) -> None:
     """Refuse recordings that do not belong together.
 
+    Wiring and calibration may differ: the recorded readings are calibrated.
+
     Raises:
-        SurveyError: two have different sensors.
+        SurveyError: two have sensors of different kinds, or mounted differently.
     """
     for recording in recordings[1:]:
-        if recording.config.sensors != recordings[0].config.sensors:
+        if _measured_with(recording) != _measured_with(recordings[0]):
             raise SurveyError(
                 f"{recording.path}: [sensors] differs from that of {recordings[0].path}; "
-                "merge flights of one drone with the same sensors"
+                "merge flights with the same kinds of sensors, mounted in the same way"
             )
+
+
+def _measured_with(recording: Recording) -> tuple[object, ...]:
+    sensors = recording.config.sensors
+    return range_models(sensors), level_units(sensors)
 
 
 def _read_index(path: Path) -> Index:
