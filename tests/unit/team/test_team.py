@@ -1,6 +1,7 @@
 """Tests what a drone knows of its teammates: places, claims, maps, over a radio that loses much."""
 
 import math
+from collections import deque
 from dataclasses import replace
 from functools import partial
 from random import Random
@@ -18,6 +19,7 @@ from companion.team.team import Team
 from companion.team.teammate import LOST_S, SILENT_S
 from tests.unit.team.rooms import PADS, Member, config, state, walls_of
 
+Packets = tuple[bytes, ...]
 TICK_S = 0.05
 SEEN_NE_M: Vector2 = (2.0, -1.0)
 """A place in the room, in the frame of the first drone."""
@@ -30,15 +32,18 @@ def talk(
     *,
     since_s: float = 0.0,
     loss: float = 0.0,
+    late_s: float = 0.0,
     seed: int = 1,
 ) -> None:
     """Let both drones tell each other what they know."""
     random = Random(seed)
+    ways = [(one, other, deque[Packets]()), (other, one, deque[Packets]())]
     for tick in range(round((until_s - since_s) / TICK_S)):
         now_s = since_s + tick * TICK_S
-        for sender, receiver in ((one, other), (other, one)):
+        for sender, receiver, under_way in ways:
             packets = sender.tell(now_s)
-            arrived = tuple(packet for packet in packets if random.random() >= loss)
+            under_way.append(tuple(packet for packet in packets if random.random() >= loss))
+            arrived = under_way.popleft() if len(under_way) > late_s / TICK_S else ()
             receiver.hear(now_s, arrived)
 
 
@@ -92,10 +97,12 @@ def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
 
 
 @settings(max_examples=20)
-@given(st.floats(0, 0.6), st.integers(0, 1000))
-def test_all_that_a_teammate_saw_arrives_over_any_radio(loss: float, seed: int) -> None:
+@given(st.floats(0, 0.6), st.floats(0, 0.6), st.integers(0, 1000))
+def test_all_that_a_teammate_saw_arrives_over_any_radio(
+    loss: float, late_s: float, seed: int
+) -> None:
     first, second = Member(1, 0), Member(2, 40)
-    talk(first, second, 60.0, loss=loss, seed=seed)
+    talk(first, second, 60.0, loss=loss, late_s=late_s, seed=seed)
     assert first.team.received == {2: 40 * 40 // 160}
     joined = first.team.joined(Occupancy())
     assert joined.free[joined.cell(SEEN_NE_M)]
