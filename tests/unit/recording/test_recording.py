@@ -21,6 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.app import Inputs, Progress
 from companion.config import settings as configuration
 from companion.config.settings import Config
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.errors import RecordingError
 from companion.core.frames import wrap_rad, yaw_ned_to_enu
 from companion.core.messages import (
@@ -295,6 +296,14 @@ def test_no_recording_is_overwritten(tmp_path: Path) -> None:
     names = sorted(path.stem for path in tmp_path.glob("*.mcap"))
     stem = "flight_1970-01-01_00-00-00"
     assert names == [stem, f"{stem}_2", f"{stem}_3"]
+
+
+def test_recordings_of_a_team_have_the_number_of_the_drone(tmp_path: Path) -> None:
+    """Computers without a network may begin at the same time."""
+    team = TeamConfig(name="house", drone=2, pads=(PadConfig(), PadConfig(east_m=2.0)))
+    recorder = open_recorder(tmp_path, Config(team=team), 0.0, pytest.fail)
+    recorder.close(FloorPlan())
+    assert (tmp_path / "flight_1970-01-01_00-00-00_drone_2.mcap").exists()
 
 
 def test_a_flight_without_ticks_gives_a_valid_recording(tmp_path: Path) -> None:

@@ -12,12 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.config.range_sensors import Calibration
+from companion.config.settings import Config, SensorsConfig
 from companion.core.arrays import Array
+from companion.core.errors import SurveyError
 from companion.core.frames import ned_to_frd, wrap_rad
-from companion.recording.reader import read
+from companion.core.messages import Beam
+from companion.recording.reader import Recording, read
 from companion.survey import start_search
 from companion.survey.evidence import Sight
 from companion.survey.flights import Flown
+from companion.survey.folder import check_same_sensors
 from companion.survey.known_start import solved_from_pad
 from companion.survey.solved import keep, kept_or_solved
 from companion.survey.start_search import Placing
@@ -128,6 +133,27 @@ def test_a_recording_named_twice_is_refused(recordings: list[Path], tmp_path: Pa
     assert "named twice" in refused.stderr
     assert refused.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_two_recordings_of_one_name_are_refused(recordings: list[Path], tmp_path: Path) -> None:
+    copy = tmp_path / recordings[0].name
+    copy.write_bytes(recordings[1].read_bytes())
+    refused = merge(tmp_path / "out", recordings[0], copy)
+    assert refused.returncode == 2
+    assert "another recording has this name" in refused.stderr
+
+
+def test_drones_may_differ_in_wiring_and_calibration_but_not_in_their_sensors() -> None:
+    calibration = {Beam.FRONT: Calibration(gain=1.02)}
+    other_wires = SensorsConfig(bus="sitl://127.0.0.1:5791", calibration=calibration)
+    other_kind = SensorsConfig(profile="tf_luna")
+    first, like_it, unlike = (
+        Recording(Path(f"{number}.mcap"), Config(sensors=sensors))
+        for number, sensors in enumerate((SensorsConfig(), other_wires, other_kind))
+    )
+    check_same_sensors([first, like_it])
+    with pytest.raises(SurveyError, match=r"2\.mcap: \[sensors\] differs from that of 0\.mcap"):
+        check_same_sensors([first, like_it, unlike])
 
 
 UNKNOWN = ("--starts", "unknown")
