@@ -176,7 +176,8 @@ def sum_up(teams: Sequence[TeamFlown]) -> dict[str, Any]:
         "collisions": sum(row["collisions"] for row in flown),
     }
     if flown:
-        totals["apart_min_m"] = min(row["apart_m"] for row in flown)
+        apart_m = (row["apart_m"] for row in flown if row["apart_m"] is not None)
+        totals["apart_min_m"] = min(apart_m, default=None)
         totals["coverage_median"] = round(median(row["coverage"] for row in flown), 4)
     for key in ("trace_ratio", "coverage_ratio", "landing_ratio"):
         ratios = [row[key] for row in flown if row[key] is not None]

@@ -96,7 +96,8 @@ def scored_together(
     )
     joint["return_m"] = round(max(map(return_m, truths)), 4)
     joint["flight_time_s"] = round(_airborne_s(truths), 4)
-    joint["apart_m"] = round(min(truth.apart_m for truth in truths), 4)
+    apart_m = [truth.apart_m for truth in truths if truth.apart_m is not None]
+    joint["apart_m"] = round(min(apart_m), 4) if apart_m else None
     rows = [_row(number, drone) for number, drone in enumerate(drones, 1)]
     return TeamResult(joint, rows, merged)
 

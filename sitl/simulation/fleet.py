@@ -105,5 +105,5 @@ class Fleet:
         ]
         for (one, its), (other, others) in combinations(airborne, 2):
             apart_m = math.dist(one, other)
-            its.apart_m = min(its.apart_m, apart_m)
-            others.apart_m = min(others.apart_m, apart_m)
+            its.observe_other(apart_m)
+            others.observe_other(apart_m)

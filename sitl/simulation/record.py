@@ -24,7 +24,7 @@ class TruthRecord:
         self.clearance_m = math.inf
         self.collisions = 0
         self.air_time_s = 0.0
-        self.apart_m = math.inf
+        self.apart_m: float | None = None
         """Smallest distance to the centre of another vehicle while both are in the air, m."""
         self._touching = False
         self._last_s = take_off.time_s
@@ -53,6 +53,10 @@ class TruthRecord:
         self._touching = clearance_m <= 0
         self.collisions += hit
         return hit
+
+    def observe_other(self, apart_m: float) -> None:
+        """Record the distance to another vehicle while both are in the air, m."""
+        self.apart_m = apart_m if self.apart_m is None else min(self.apart_m, apart_m)
 
     def save(self, path: Path) -> None:
         """Write as JSON.
