@@ -55,7 +55,7 @@ from companion.pdps.flight.state import (
 )
 from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
-from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
+from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, walls_ahead_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own
@@ -210,8 +210,7 @@ class App:
         bias_rad_s = self.estimator.heading.bias_rad_s if self.estimator else None
         gyro = health.gyro(now_s, inputs.gyro, odometry, bias_rad_s)
         scan = health.ranges(inputs.scan, odometry)
-        if odometry is not telemetry.odometry:
-            telemetry = replace(telemetry, odometry=odometry)
+        telemetry = replace(telemetry, odometry=odometry)
         return replace(inputs, telemetry=telemetry, gyro=gyro, scan=scan)
 
     def _calibrate(self, inputs: Inputs) -> None:
@@ -243,8 +242,7 @@ class App:
         """Take the teammates' packets, and remove readings that may be of teammates."""
         if self._team is None:
             return inputs
-        scan = self._team.hear(now_s, inputs.team, inputs.scan, self._own)
-        return replace(inputs, scan=scan)
+        return replace(inputs, scan=self._team.hear(now_s, inputs.team, inputs.scan, self._own))
 
     @property
     def _own(self) -> Own:
@@ -254,7 +252,9 @@ class App:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
         if self.flight.phase not in SEEING_PHASES:
             return inputs
-        return replace(inputs, scan=self._obstacles.see(inputs.scan))
+        pose = self.estimator.pose(inputs.scan.time_s) if self.estimator else None
+        walls_m = walls_ahead_m(self._earlier_walls, pose, self._units) if pose else {}
+        return replace(inputs, scan=self._obstacles.see(inputs.scan, walls_m))
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:

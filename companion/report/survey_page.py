@@ -73,7 +73,7 @@ def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[A
     added_m = walls_added_m(pieces, len(merged.flights))
     rows = []
     for number, (flight, recording) in enumerate(zip(merged.flights, recordings, strict=True)):
-        north_m, east_m, _ = flight.start.tolist()
+        north_m, east_m, _ = flight.off_the_pad.tolist()
         rows.append(
             (
                 f"{number + 1}",
@@ -132,8 +132,10 @@ def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], l
             axes.plot([e for _, e in ends], [n for n, _ in ends], style, color=INK, linewidth=1.2)
         for north_m, east_m in left.places_ne_m:
             axes.plot(east_m, north_m, "o", markersize=7, markerfacecolor="none", color=INK)
-        axes.plot(0, 0, marker="^", markersize=9, color=INK)
-        axes.annotate("pad", (0, 0), (7, 5), textcoords="offset points", color=INK)
+        pads = [flight.pad.tolist() for flight in merged.flights if flight.pad is not None]
+        for north_m, east_m in {(north_m, east_m) for north_m, east_m, _ in pads}:
+            axes.plot(east_m, north_m, marker="^", markersize=9, color=INK)
+            axes.annotate("pad", (east_m, north_m), (7, 5), textcoords="offset points", color=INK)
         axes.autoscale_view()
         axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         return svg(figure)

@@ -12,9 +12,9 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.core.arrays import Array
-from companion.core.frames import Vector2, frd_to_ned, moved
+from companion.core.frames import Vector2, frd_to_ned, moved, places_moved_to, poses_moved_to
 from companion.estimation.placement import refined_start
-from companion.estimation.smoothing.state import YAW, Unknowns, to_ned
+from companion.estimation.smoothing.state import YAW, Unknowns
 from companion.mapping.joined_grid import contradicted
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
@@ -263,7 +263,7 @@ class Teammate:
             track.side,
             state.is_flying and self.is_known(now_s),
             track.is_tracing and state.is_flying and self.is_heard(now_s),
-            self._placed(self._track_places),
+            places_moved_to(self.start, self._track_places),
             self._comes_first,
         )
 
@@ -271,13 +271,6 @@ class Teammate:
         north_m, east_m, yaw_rad = self.start.tolist()
         return moved((north_m, east_m), ne_m, yaw_rad)
 
-    def _placed(self, places: Array) -> Array:
-        """(n, 2): places of its frame in this drone's frame."""
-        turned_m = to_ned(places, np.full(len(places), self.start[YAW]))
-        placed: Array = self.start[:YAW] + turned_m
-        return placed
-
     def _placed_keyframes(self) -> Array:
         """(k, 3): its keyframes in this drone's frame."""
-        places = self._placed(self._keyframes[:, :YAW])
-        return np.column_stack([places, self._keyframes[:, YAW] + self.start[YAW]])
+        return poses_moved_to(self.start, self._keyframes)

@@ -1,10 +1,21 @@
 """Joins the true flights of a survey or a team, for the scores of their joint map."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
+from companion.app import App
 from companion.survey.merge import Merged
-from sitl.simulation.record import TruthRecord
+from sitl.simulation.record import AIRBORNE_M, TruthRecord
+
+
+class Outcome:
+    """How flights at the same time ended."""
+
+    def __init__(self, apps: Sequence[App]) -> None:
+        flights = [app.flight for app in apps]
+        self.completed = all(flight.completed for flight in flights)
+        self.ending = "; ".join(dict.fromkeys(flight.ending for flight in flights))
 
 
 def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
@@ -21,6 +32,17 @@ def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
         for state in truth.path
     ]
     return joint
+
+
+def airborne_s(truths: Sequence[TruthRecord]) -> float:
+    """Time from the first take-off of several drones to the last landing, s."""
+    airborne = [
+        state.time_s
+        for truth in truths
+        for state in truth.path
+        if -state.position_ned_m[2] > AIRBORNE_M
+    ]
+    return max(airborne, default=0.0) - min(airborne, default=0.0)
 
 
 def return_m(truth: TruthRecord) -> float:

@@ -10,9 +10,9 @@ from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
 from companion.team.pads import pad_sigma, relative_pad
 from sitl.core.errors import SitlError
-from sitl.scoring.joint import return_m, together
+from sitl.scoring.joint import Outcome, airborne_s, return_m, together
 from sitl.scoring.report import Report, make_report
-from sitl.simulation.record import AIRBORNE_M, TruthRecord
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.simulation.team import TeamFlight
 
@@ -58,37 +58,17 @@ def scored(
         configs[0],
         merged.plan,
         together(truths, merged),
-        outcome=_Outcome(flight.apps),
+        outcome=Outcome(flight.apps),
         waited_s=waited_s,
     )
     joint["return_m"] = round(max(map(return_m, truths)), 4)
-    joint["flight_time_s"] = round(_airborne_s(truths), 4)
+    joint["flight_time_s"] = round(airborne_s(truths), 4)
     joint["apart_m"] = round(flight.fleet.least_apart_m, 4)
     rows = [
         _row(number, app, truth, flight.air.sent_bytes[number])
         for number, (app, truth) in enumerate(zip(flight.apps, truths, strict=True))
     ]
     return TeamResult(joint, rows, merged)
-
-
-class _Outcome:
-    """How the flight of the team ended."""
-
-    def __init__(self, apps: Sequence[App]) -> None:
-        flights = [app.flight for app in apps]
-        self.completed = all(flight.completed for flight in flights)
-        self.ending = "; ".join(dict.fromkeys(flight.ending for flight in flights))
-
-
-def _airborne_s(truths: Sequence[TruthRecord]) -> float:
-    """Time from the first take-off to the last landing, s."""
-    airborne = [
-        state.time_s
-        for truth in truths
-        for state in truth.path
-        if -state.position_ned_m[2] > AIRBORNE_M
-    ]
-    return max(airborne, default=0.0) - min(airborne, default=0.0)
 
 
 def _row(number: int, app: App, truth: TruthRecord, sent_bytes: int) -> Report:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from companion.app import App, Progress
 from companion.config.settings import Config
+from companion.earlier import EarlierFlights
 from companion.link.transports.transport import direct_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.run.hardware import make_rig
@@ -62,13 +63,17 @@ def fly_team_in_lockstep(
     *,
     script: Script = no_script,
     recorders: Sequence[Recorder] = (),
+    earlier: Sequence[EarlierFlights | None] = (),
     radio_errors: LinkErrors = USUAL_ERRORS,
 ) -> TeamFlight:
-    """Fly until the last drone has ended; each drone has a setup and a configuration."""
+    """Fly until the last drone has ended; each drone has a setup and a configuration.
+
+    `earlier`: what each drone knows from the flights before, if anything.
+    """
     pairs = [direct_pair(setup.system_id) for setup in setups]
     fleet = Fleet(setups, [[ours] for ours, _ in pairs], keep_nothing)
     air = TeamAir(setups[0].seed, len(setups), lambda: fleet.time_s, radio_errors)
-    apps = tuple(App(config) for config in configs)
+    apps = tuple(map(App, configs, earlier or [None] * len(configs)))
     recorders = recorders or [NOT_RECORDED] * len(setups)
     loops: list[ControlLoop] = []
     for number, (app, config, vehicle) in enumerate(
