@@ -54,7 +54,7 @@ def fail(warning: str) -> None:
 
 @pytest.fixture
 def feed() -> Iterator[TcpFeed]:
-    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Mapping(Config()), 0.08, fail)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Mapping(Config()), Config(), fail)
     yield feed
     feed.close()
 
@@ -121,7 +121,7 @@ def test_no_sketch_is_made_without_a_viewer(feed: TcpFeed) -> None:
         def sketch(self) -> Sketch:
             raise AssertionError("nobody looks")
 
-    quiet = TcpFeed(("127.0.0.1", 0), TOKEN, Untouched(Config()), 0.08, fail)
+    quiet = TcpFeed(("127.0.0.1", 0), TOKEN, Untouched(Config()), Config(), fail)
     quiet.tick(1.0, INPUTS, outputs(1.0))
     quiet.close()
 
@@ -132,7 +132,7 @@ def test_an_error_ends_the_feed_and_not_the_flight() -> None:
             raise ZeroDivisionError
 
     warnings: list[str] = []
-    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), Config(), warnings.append)
     viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
     tick_until(feed, lambda: bool(warnings))
     assert "ZeroDivisionError" in warnings[0]
