@@ -167,7 +167,6 @@ class Page:
         scoring = LiveScore(self._world, height_m, take_offs[0], receiver)
         self._shown = Shown(configs[0], take_offs, scoring)
         self._put(take_offs)
-        self._controls.download.disabled = True
 
     def _stop(self) -> None:
         """Land; time must pass for that."""
@@ -224,7 +223,7 @@ class Page:
         drones, most = self._drones + (1 if is_added else -1), self._controls.most_drones
         kind = self._controls.mission.value
         if drones > most:
-            raise SitlError(f"a mission {kind!r} is flown by at most {most}")
+            raise SitlError(f"a mission {kind!r} is for at most {most}")
         if drones < 1:
             raise SitlError("one UAV is left")
         self._stand(drones)
@@ -260,6 +259,8 @@ class Page:
             self._hangar.order(GiveUp())
         self._shown.scoring.end()
         self._shown = None
+        self._instruments.clear()
+        self._controls.download.disabled = True
 
     # The flight
 

@@ -33,6 +33,8 @@ class Sides:
         self._true_side = TrueSide(server)
         self._maps: list[MappedSide] = []
         """The map of each drone."""
+        self._joint: int | None = None
+        """The drone whose map is that of all; None before the end of the flight."""
         self._take_offs: Sequence[TrueState] = ()
         self._exaggeration = 5.0
 
@@ -59,6 +61,7 @@ class Sides:
     def stand(self, take_offs: Sequence[TrueState]) -> None:
         """Show the drones where they take off, with empty maps."""
         self._take_offs = take_offs
+        self._joint = None
         self._true_side.stand(take_offs)
         for number in range(len(self._maps), len(take_offs)):
             name = f"/mapped {number + 1}"
@@ -89,6 +92,7 @@ class Sides:
 
         `drones`: of each path in the map; `last`: the last moment of the flight.
         """
+        self._joint = drones[0] if drones else None
         for number, path in zip(drones, plan.paths, strict=False):
             side, is_first = self._maps[number], number == drones[0]
             self._place(number, self._take_offs[drones[0]])
@@ -98,7 +102,8 @@ class Sides:
             side.show(replace(last[number].snapshot, pose=pose, sketch=sketch_of(own)))
 
     def map_of(self, drone: int) -> MappedSide:
-        return self._maps[drone]
+        """The map of a drone, from 0; after the flight, that of all."""
+        return self._maps[drone if self._joint is None else self._joint]
 
     def exaggerate(self, times: float) -> None:
         self._exaggeration = times

@@ -14,6 +14,7 @@ from sitl.view.flight_messages import (
     Ended,
     GiveUp,
     Inject,
+    Land,
     News,
     Pace,
     Refused,
@@ -83,6 +84,25 @@ def test_the_page_shows_pauses_steps_and_takes_over_a_flight() -> None:
     page.orders.send(TakeOver(0, "LOITER"))
     ended = page.until(Ended)
     assert ended.endings == ("handed over: mode changed to LOITER",)
+
+
+def test_orders_reach_the_selected_drone_of_a_team() -> None:
+    page = Page()
+    page.orders.send(Begin(1, FlightRequest("room_100", drones=2), FAST))
+    seen = page.until(Seen)
+    while max(drone.truth.position_ned_m[2] for drone in seen.drones) > -1.0:
+        seen = page.until(Seen)
+    assert [drone.snapshot.drone for drone in seen.drones] == [1, 2]
+    page.orders.send(TakeOver(1, "LOITER"))
+    while not seen.drones[1].snapshot.has_ended:
+        seen = page.until(Seen)
+    assert not seen.drones[0].snapshot.has_ended
+    page.orders.send(Land())
+    ended = page.until(Ended)
+    first, second = ended.endings
+    assert first == "landed: landing was requested"
+    assert second == "handed over: mode changed to LOITER"
+    assert len(ended.plan.paths) == len(ended.drones)
 
 
 def test_an_abandoned_flight_does_not_delay_the_next_request() -> None:

@@ -62,6 +62,14 @@ class Instruments:
         )
         self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
 
+    def clear(self) -> None:
+        """Show no flight."""
+        self._table.content = ""
+        for plot in (self._ranges, self._yaw, self._bias):
+            plot.data = tuple(
+                np.full(1, math.nan) if number else np.zeros(1) for number in range(len(plot.data))
+            )
+
     def tell_team(self, members: Sequence[Member]) -> None:
         """Show what each drone does; nothing for a drone that flies alone."""
         self._team.visible = len(members) > 1

@@ -156,8 +156,9 @@ class Drone:
     def __init__(self, scene: SceneApi, name: str, colour: Colour) -> None:
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
         body, nose = _body()
+        red, green, blue = (channel // 2 for channel in colour)  # light brightens a body
         scene.add_mesh_simple(
-            f"{name}/body", body.vertices, body.faces, color=colour, cast_shadow=False
+            f"{name}/body", body.vertices, body.faces, color=(red, green, blue), cast_shadow=False
         )
         scene.add_mesh_simple(
             f"{name}/nose", nose.vertices, nose.faces, color=NOSE_COLOUR, cast_shadow=False

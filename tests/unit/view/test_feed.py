@@ -1,5 +1,6 @@
 """Tests the feed: snapshots reach authorized viewers only, and never delay the flight."""
 
+import math
 import socket
 import struct
 from collections.abc import Callable, Iterator
@@ -10,7 +11,7 @@ from threading import Thread
 import pytest
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.config.settings import Config, ViewConfig, load
+from companion.config.settings import Config, MissionConfig, ViewConfig, load
 from companion.core.errors import ConfigError, ViewError
 from companion.core.messages import (
     Beam,
@@ -27,6 +28,8 @@ from companion.pdps.flight.state import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
+from tests.unit.team.rooms import Member
+from tests.unit.team.rooms import config as team_config
 from tests.waiting import DEADLINE_S, PAUSE
 
 TOKEN = "0123456789abcdef"
@@ -81,6 +84,28 @@ def test_a_viewer_receives_map_and_pose(feed: TcpFeed) -> None:
     assert first.readings[Beam.UP].state is RangeState.NOTHING
     assert first.mount_offset_m == 0.08
     viewer.close()
+
+
+def test_a_viewer_receives_the_teammates_in_the_frame_of_the_map() -> None:
+    """The second drone stands at 1 m north, 0.5 m east of the first, and looks east."""
+    config = Config(team=team_config(1), mission=MissionConfig(kind="building"))
+    app = Mapping(config)
+    assert app.team is not None
+    listener, teller = Member(1, 0), Member(2, 0)
+    packets = teller.tell(0.0)
+    app.team.mates.hear(0.0, packets, lambda: listener.walls, listener.grid.grid)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, app, config, fail)
+    seen: Queue[Snapshot] = Queue()
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    tick_until(feed, lambda: not seen.empty())
+    first = seen.get(timeout=DEADLINE_S)
+    [mate] = first.mates
+    assert (first.drone, mate.drone) == (1, 2)
+    assert mate.ne_m == pytest.approx((1.0, 0.5))
+    assert mate.yaw_rad == pytest.approx(0.5 * math.pi)
+    assert (mate.phase, mate.battery) == ("exploring", 0.8)
+    viewer.close()
+    feed.close()
 
 
 def test_a_late_viewer_receives_the_map_at_once(feed: TcpFeed) -> None:
