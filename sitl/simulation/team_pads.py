@@ -46,7 +46,7 @@ def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup
     setups, configs = [], []
     for number, offset in enumerate(offsets):
         team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
-        values = settings.model_dump(exclude_defaults=True) | {"team": team.model_dump()}
+        values = settings.model_dump() | {"team": team.model_dump()}
         configs.append(validated(Config, values, f"--team {drones}"))
         draw = stream(setup.seed, f"pad {number}")
         error_m, error_rad = (

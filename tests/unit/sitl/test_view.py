@@ -3,12 +3,13 @@
 import pytest
 
 from companion.core.errors import ConfigError
-from companion.core.messages import Sketch
+from companion.core.messages import Beam, Sketch
+from companion.drivers.models import range_models
 from companion.view.snapshot import Snapshot
 from sitl.core.truth import TrueState
 from sitl.view.flight_messages import Seen, SeenDrone
 from sitl.view.outbox import later
-from sitl.view.request import FlightRequest
+from sitl.view.request import OWN_PROFILE, FlightRequest
 from sitl.world.loading import load_world
 
 ROOM = load_world("room_100")
@@ -38,6 +39,11 @@ def test_one_drone_flies_alone_and_more_fly_as_a_team() -> None:
     _, configs = FlightRequest("room_100", seed=4, drones=2).setups(ROOM)
     assert [config.team.drone for config in configs] == [1, 2]
     assert {config.team.name for config in configs} == {"sitl"}
+
+
+def test_a_team_has_the_sensors_that_the_page_selects() -> None:
+    _, configs = FlightRequest("room_100", profile=OWN_PROFILE, range_m=4.0, drones=2).setups(ROOM)
+    assert {range_models(config.sensors)[Beam.FRONT].max_m for config in configs} == {4.0}
 
 
 def test_a_mission_that_a_team_does_not_fly_is_refused() -> None:
