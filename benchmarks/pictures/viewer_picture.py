@@ -13,7 +13,7 @@ from benchmarks.pictures.browser import choose, number, simulator_page
 
 WIDTH_PX, HEIGHT_PX = 1600, 800
 WORLD = "two_room_300"
-AT_S = {1: 190.0, 2: 130.0}
+AT_S = {1: 215.0, 2: 130.0}
 """Time of the picture in the flight, s, by the number of drones: both rooms are mapped, and the
 drones are still flying."""
 FILES = {1: Path("docs/images/viewer.png"), 2: Path("docs/images/team.png")}
