@@ -157,7 +157,7 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
-        self._team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
+        self.team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
         self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
         self.overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
@@ -197,7 +197,7 @@ class App:
         self._lag.ask(now_s, action.setpoint)
         known, report = pose if self.estimator else None, self._report(now_s)
         battery = inputs.telemetry.vehicle.battery
-        packets = self._team.tell(pose, self._own, battery) if self._team else ()
+        packets = self.team.tell(pose, self._own, battery) if self.team else ()
         return Outputs(
             action.setpoint, action.command, known, report, self.flight, inputs.scan, packets
         )
@@ -240,9 +240,9 @@ class App:
 
     def _hear(self, now_s: float, inputs: Inputs) -> Inputs:
         """Take the teammates' packets, and remove readings that may be of teammates."""
-        if self._team is None:
+        if self.team is None:
             return inputs
-        return replace(inputs, scan=self._team.hear(now_s, inputs.team, inputs.scan, self._own))
+        return replace(inputs, scan=self.team.hear(now_s, inputs.team, inputs.scan, self._own))
 
     @property
     def _own(self) -> Own:
@@ -312,7 +312,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self._team.mates.view(now_s) if self._team else {}),
+                **(self.team.mates.view(now_s) if self.team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -329,8 +329,8 @@ class App:
         self.flight, action = phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
-        if self._team and self._team.mates.notice and not self.flight.notice:
-            self.flight = replace(self.flight, notice=self._team.mates.notice)
+        if self.team and self.team.mates.notice and not self.flight.notice:
+            self.flight = replace(self.flight, notice=self.team.mates.notice)
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
 
@@ -339,11 +339,11 @@ class App:
         near = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, near.points_frd_m)
         around = replace(near, recalled_frd_m=recalled)
-        return self._team.around(around, pose, self.flight) if self._team else around
+        return self.team.around(around, pose, self.flight) if self.team else around
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self._team.mates.joined(self.space.grid) if self._team else self.space.grid
+        grid = self.team.mates.joined(self.space.grid) if self.team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]

@@ -160,8 +160,10 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     path: list[Pose] = []
     later_s = 0.0
     begins_s: list[float] = []
+    begins: list[int] = []
     for flight in flights:
         begins_s.append(later_s)
+        begins.append(len(path))
         hits += [replace(hit, time_s=hit.time_s + later_s) for hit in flight.hits()]
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
@@ -177,6 +179,7 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         float(np.median(ceilings)) if ceilings else None,
         heights.floor_m,
         heights.tops(),
+        tuple(begins),
     )
     shared = _shared_walls([flight.wall_of for flight in flights], len(lines))
     return Merged(

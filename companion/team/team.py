@@ -33,7 +33,7 @@ from companion.team.messages import (
 )
 from companion.team.pads import pad_sigma, relative_pad
 from companion.team.sharing import OwnMap, Sharing
-from companion.team.teammate import Teammate
+from companion.team.teammate import Heard, Teammate
 
 
 class TeamView(TypedDict, total=False):
@@ -143,6 +143,11 @@ class Team:
         everybody = (*self._mates.values(), *self._doubles.values())
         found = (mate.drone(now_s, other_waits=waits) for mate in everybody)
         return tuple(each for each in found if each is not None)
+
+    def heard(self, now_s: float) -> tuple[Heard, ...]:
+        """The teammates whose place is known, in the order of their numbers."""
+        heard = (mate.heard(now_s, drone) for drone, mate in self._mates.items())
+        return tuple(each for each in heard if each is not None)
 
     def view(self, now_s: float) -> TeamView:
         """What the missions know of the teammates."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, frd_to_ned, moved, places_moved_to, poses_moved_to
+from companion.core.values import value
 from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.state import YAW, Unknowns
 from companion.mapping.joined_grid import contradicted
@@ -73,6 +74,20 @@ ON_PAD = State(
     received={},
 )
 """State of a drone that was not heard yet: it stands on its pad."""
+
+
+@value
+class Heard:
+    """A teammate as it was heard last, in this drone's frame."""
+
+    drone: int
+    """Its number."""
+    ne_m: Vector2
+    height_m: float
+    yaw_rad: float
+    phase: str
+    battery: float
+    """Remaining charge, 0 to 1."""
 
 
 class Teammate:
@@ -240,6 +255,14 @@ class Teammate:
             state.needs_column,
             other_waits if state.waits != other_waits else self._comes_first,
         )
+
+    def heard(self, now_s: float, drone: int) -> Heard | None:
+        """What it has told of itself; None if its place is unknown. `drone`: its number."""
+        state = self.state
+        if state is None or not self.is_known(now_s):
+            return None
+        place, yaw_rad = self._in_own_frame(state.ne_m), state.yaw_rad + float(self.start[YAW])
+        return Heard(drone, place, state.height_m, yaw_rad, state.phase, state.battery)
 
     def claim(self, now_s: float) -> Claim | None:
         """What it goes to look at; None if nothing, or if it is not heard any more."""

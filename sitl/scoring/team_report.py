@@ -40,19 +40,8 @@ def scored(
     Raises:
         SitlError: no flight can be made into a map.
     """
-    team = configs[0].team
-    flown, truths = [], [vehicle.record for vehicle in flight.fleet.vehicles]
-    given = {}
-    for number, (app, pad) in enumerate(zip(flight.apps, team.pads, strict=True), 1):
-        name = f"flight {number}"
-        try:
-            flown.append(Flown.of(name, app))
-        except SurveyError:
-            continue
-        given[name] = relative_pad(team.pads[0], pad)
-    if not flown:
-        raise SitlError("no flight of the team can be made into a map")
-    merged = merge(flown, Starts(pad_sigma(team), given))
+    truths = [vehicle.record for vehicle in flight.fleet.vehicles]
+    merged = merged_flights(configs, flight.apps)
     joint = make_report(
         setup,
         configs[0],
@@ -69,6 +58,26 @@ def scored(
         for number, (app, truth) in enumerate(zip(flight.apps, truths, strict=True))
     ]
     return TeamResult(joint, rows, merged)
+
+
+def merged_flights(configs: Sequence[Config], apps: Sequence[App]) -> Merged:
+    """Make the joint map; the flight of the first drone is "flight 1".
+
+    Raises:
+        SitlError: no flight can be made into a map.
+    """
+    team = configs[0].team
+    flown, given = [], {}
+    for number, (app, pad) in enumerate(zip(apps, team.pads, strict=True), 1):
+        name = f"flight {number}"
+        try:
+            flown.append(Flown.of(name, app))
+        except SurveyError:
+            continue
+        given[name] = relative_pad(team.pads[0], pad)
+    if not flown:
+        raise SitlError("no flight of the team can be made into a map")
+    return merge(flown, Starts(pad_sigma(team), given))
 
 
 def _row(number: int, app: App, truth: TruthRecord, sent_bytes: int) -> Report:

@@ -1,5 +1,7 @@
 """Flies a team in lockstep: all drones in one world, on one virtual clock, in one process.
 
+A single drone flies as in `lockstep.py`.
+
     drone 1: autopilot, sensors ◄──► companion ◄─┐
     drone 2: autopilot, sensors ◄──► companion ◄─┼─► simulated radio
     ...                                          │
@@ -65,6 +67,7 @@ def fly_team_in_lockstep(
     recorders: Sequence[Recorder] = (),
     earlier: Sequence[EarlierFlights | None] = (),
     radio_errors: LinkErrors = USUAL_ERRORS,
+    land_requested: Callable[[], bool] = lambda: False,
 ) -> TeamFlight:
     """Fly until the last drone has ended; each drone has a setup and a configuration.
 
@@ -82,7 +85,8 @@ def fly_team_in_lockstep(
         link = recorders[number].tap(pairs[number][1])
         wires = on_virtual_time(vehicle.board.bus)
         rig = make_rig(config, link, wires, _Clock(vehicle), air.radios[number])
-        loops.append(ControlLoop(app, rig, _watch_of(watch, number), record=recorders[number].tick))
+        record = recorders[number].tick
+        loops.append(ControlLoop(app, rig, _watch_of(watch, number), land_requested, record))
     due_s: dict[int, float] = dict.fromkeys(range(len(loops)), 0.0)
     while due_s:
         number = min(due_s, key=lambda each: (due_s[each], each))

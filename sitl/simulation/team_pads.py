@@ -31,12 +31,14 @@ PAD_CLEAR_M = 0.25
 
 
 def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup], list[Config]]:
-    """A setup and a configuration for each drone.
+    """A setup and a configuration for each drone; a single one flies without a team.
 
     Raises:
         SitlError: there is no place for a pad.
         ConfigError: the mission is not one that so many drones divide.
     """
+    if drones == 1:
+        return [setup], [settings]
     take_off = start_state(setup)
     start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
     offsets = pad_offsets(setup, settings.mission.height_m, drones)
@@ -44,7 +46,7 @@ def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup
     setups, configs = [], []
     for number, offset in enumerate(offsets):
         team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
-        values = settings.model_dump(exclude_defaults=True) | {"team": team.model_dump()}
+        values = settings.model_dump() | {"team": team.model_dump()}
         configs.append(validated(Config, values, f"--team {drones}"))
         draw = stream(setup.seed, f"pad {number}")
         error_m, error_rad = (

@@ -3,10 +3,18 @@
 import json
 import math
 import re
+from contextlib import suppress
 from pathlib import Path
+from queue import SimpleQueue
 
+import pytest
+
+from companion.core.errors import ViewError
+from companion.core.frames import Vector2
+from companion.view.feed_client import FeedClient, parse_address
+from companion.view.snapshot import Snapshot
 from tests.processes.started import free_tcp_port, pilot, read_until, sitl, started, stop
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, until
 
 WORLD = """
 name = "one room"
@@ -33,9 +41,11 @@ def test_two_companions_trace_a_room_together(tmp_path: Path) -> None:
     with started(sitl("run", str(world), *links, *pace)) as vehicles:
         output = "".join(read_until(vehicles, "sitl://") for _ in PADS)
         found = re.findall(r"127\.0\.0\.1:(\d+)  system \d", output)
-        first = pilot(1, found[0], found[1], tmp_path, team | {"drone": 1})
-        second = pilot(2, found[2], found[3], tmp_path, team | {"drone": 2})
+        view = {"listen": f"127.0.0.1:{free_tcp_port()}"}
+        first = pilot(1, found[0], found[1], tmp_path, team=team | {"drone": 1}, view=view)
+        second = pilot(2, found[2], found[3], tmp_path, team=team | {"drone": 2})
         with started(first) as one, started(second) as other:
+            assert seen_from(view["listen"]) == pytest.approx((0.0, 2.0), abs=0.5)
             for flying in (one, other):
                 output, _ = flying.communicate(timeout=DEADLINE_S)
                 assert flying.returncode == 0, output
@@ -50,3 +60,22 @@ def test_two_companions_trace_a_room_together(tmp_path: Path) -> None:
         assert flown["collisions"] == 0
     assert sum(walls_m) > 27, "both together have seen the walls of 30 m"
     assert min(walls_m) < 29, "neither has traced the whole room"
+
+
+def seen_from(drone: str) -> Vector2:
+    """Where a viewer of the first drone sees the second one first."""
+    seen: SimpleQueue[Snapshot] = SimpleQueue()
+    viewer: list[FeedClient] = []
+
+    def is_open() -> bool:
+        with suppress(ViewError):
+            viewer.append(FeedClient(parse_address(drone), "", seen.put, lambda reason: None))
+        return bool(viewer)
+
+    until(is_open, "the feed")
+    while not (mates := seen.get(timeout=DEADLINE_S).mates):
+        continue
+    viewer[0].close()
+    [mate] = mates
+    assert mate.drone == 2
+    return mate.ne_m
