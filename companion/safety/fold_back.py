@@ -18,11 +18,11 @@ recent beam has swept the place. The distance is then a guess with an error of u
 """
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
 
-from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeModel, RangeReading, RangeState, RangeUnit
 
@@ -59,8 +59,8 @@ class FoldBackDetector:
         """Least possible range of each beam that was too near in the last sweep, m."""
         self._over_peak: set[Beam] = set()
         """Those beams of which the obstacle may have been nearer than the signal's peak."""
-        self._free_segments: Array = np.empty((0, 6))
-        """(r, 6): free segments of recent beams: origin, unit vector, length m, time s."""
+        self._free_segments: deque[tuple[float, ...]] = deque()
+        """Free segments of recent beams, oldest first: origin, unit vector, length m, time s."""
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
 
@@ -106,34 +106,32 @@ class FoldBackDetector:
         In a sweep the drone was there, or a beam reached `BEHIND_M` behind it. A beam that only
         passes it does not count: beams along a wall graze its corner.
         """
-        unit_ne = self._unit_ne(beam)
-        free = self._free_segments
+        unit_ne = np.array(self._unit_ne(beam))
+        free = np.array(self._free_segments).reshape(-1, 6)
         off_m = self._ne_m - free[:, :2]
         off_m += (distance_m + self._units[beam].offset_m) * unit_ne
         was_there = (off_m * off_m).sum(axis=1) < HULL_M**2
         off_m += BEHIND_M * unit_ne
-        along_m = (off_m * self._free_segments[:, 2:4]).sum(axis=1)
-        aside_m = np.abs(
-            off_m[:, 0] * self._free_segments[:, 3] - off_m[:, 1] * self._free_segments[:, 2]
-        )
-        through = (along_m > 0) & (along_m < self._free_segments[:, 4] - FREE_ASIDE_M)
+        along_m = (off_m * free[:, 2:4]).sum(axis=1)
+        aside_m = np.abs(off_m[:, 0] * free[:, 3] - off_m[:, 1] * free[:, 2])
+        through = (along_m > 0) & (along_m < free[:, 4] - FREE_ASIDE_M)
         return int((was_there | through & (aside_m < FREE_ASIDE_M)).sum())
 
     def record_free(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
         """Store the free segment of each beam, also in front of an obstacle that is too near."""
-        segments = []
+        free = self._free_segments
+        while free and free[0][-1] <= now_s - FREE_S:
+            free.popleft()
         for beam, unit in self._units.items():
             if beam not in raw:
                 continue
             to_m = _free_length_m(raw[beam], unfolded[beam], unit.model) + unit.offset_m
             if to_m > FREE_ASIDE_M:
-                segments.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
-        lately = self._free_segments[self._free_segments[:, 5] > now_s - FREE_S]
-        self._free_segments = np.vstack([lately, *segments]) if segments else lately
+                free.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
 
-    def _unit_ne(self, beam: Beam) -> Array:
+    def _unit_ne(self, beam: Beam) -> Vector2:
         bearing_rad = self._yaw_rad + self._units[beam].bearing_frd_rad
-        return np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
+        return math.cos(bearing_rad), math.sin(bearing_rad)
 
 
 def _alias_m(reading: RangeReading, model: RangeModel) -> float:

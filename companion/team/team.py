@@ -15,7 +15,7 @@ from typing import TypedDict
 
 from companion.config.team import MAX_DRONES, TeamConfig
 from companion.estimation.smoothing.state import Unknowns
-from companion.mapping.joined_grid import joined
+from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
@@ -51,6 +51,7 @@ class Team:
         self._config = config
         self._instance = instance
         self._sharing = Sharing()
+        self._joined = JoinedGrid()
         self._sent = 0
         self.dropped = 0
         """Number of packets that could not be used."""
@@ -160,7 +161,8 @@ class Team:
 
     def joined(self, grid: Occupancy) -> Occupancy:
         """A grid with the space that the teammates have seen."""
-        return joined(grid, [mate.grid for mate in self._mates.values() if mate.is_credible])
+        mates = [mate.grid for mate in self._mates.values() if mate.is_credible]
+        return self._joined.of(grid, mates)
 
     @property
     def received(self) -> dict[int, int]:
