@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from companion.core.errors import CompanionError, FlightEndedError
     from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, RangeState, WallSegment
     from companion.run.script import Drone, connect
+    from companion.team.teammate import Heard
 
 _PLACES = {
     "CompanionError": "core.errors",
@@ -24,6 +25,7 @@ _PLACES = {
     "RangeReading": "core.messages",
     "RangeState": "core.messages",
     "WallSegment": "core.messages",
+    "Heard": "team.teammate",
     "Drone": "run.script",
     "connect": "run.script",
 }
@@ -34,6 +36,7 @@ __all__ = [
     "Drone",
     "FlightEndedError",
     "FloorPlan",
+    "Heard",
     "Pose",
     "RangeReading",
     "RangeState",

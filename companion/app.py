@@ -55,7 +55,7 @@ from companion.pdps.flight.state import (
 )
 from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
-from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
+from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, walls_ahead_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own
@@ -157,7 +157,7 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
-        self._team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
+        self.team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
         self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
         self.overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
@@ -197,7 +197,7 @@ class App:
         self._lag.ask(now_s, action.setpoint)
         known, report = pose if self.estimator else None, self._report(now_s)
         battery = inputs.telemetry.vehicle.battery
-        packets = self._team.tell(pose, self._own, battery) if self._team else ()
+        packets = self.team.tell(pose, self._own, battery) if self.team else ()
         return Outputs(
             action.setpoint, action.command, known, report, self.flight, inputs.scan, packets
         )
@@ -210,8 +210,7 @@ class App:
         bias_rad_s = self.estimator.heading.bias_rad_s if self.estimator else None
         gyro = health.gyro(now_s, inputs.gyro, odometry, bias_rad_s)
         scan = health.ranges(inputs.scan, odometry)
-        if odometry is not telemetry.odometry:
-            telemetry = replace(telemetry, odometry=odometry)
+        telemetry = replace(telemetry, odometry=odometry)
         return replace(inputs, telemetry=telemetry, gyro=gyro, scan=scan)
 
     def _calibrate(self, inputs: Inputs) -> None:
@@ -241,10 +240,9 @@ class App:
 
     def _hear(self, now_s: float, inputs: Inputs) -> Inputs:
         """Take the teammates' packets, and remove readings that may be of teammates."""
-        if self._team is None:
+        if self.team is None:
             return inputs
-        scan = self._team.hear(now_s, inputs.team, inputs.scan, self._own)
-        return replace(inputs, scan=scan)
+        return replace(inputs, scan=self.team.hear(now_s, inputs.team, inputs.scan, self._own))
 
     @property
     def _own(self) -> Own:
@@ -254,7 +252,9 @@ class App:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
         if self.flight.phase not in SEEING_PHASES:
             return inputs
-        return replace(inputs, scan=self._obstacles.see(inputs.scan))
+        pose = self.estimator.pose(inputs.scan.time_s) if self.estimator else None
+        walls_m = walls_ahead_m(self._earlier_walls, pose, self._units) if pose else {}
+        return replace(inputs, scan=self._obstacles.see(inputs.scan, walls_m))
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
@@ -312,7 +312,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self._team.mates.view(now_s) if self._team else {}),
+                **(self.team.mates.view(now_s) if self.team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -329,8 +329,8 @@ class App:
         self.flight, action = phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
-        if self._team and self._team.mates.notice and not self.flight.notice:
-            self.flight = replace(self.flight, notice=self._team.mates.notice)
+        if self.team and self.team.mates.notice and not self.flight.notice:
+            self.flight = replace(self.flight, notice=self.team.mates.notice)
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
 
@@ -339,11 +339,11 @@ class App:
         near = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, near.points_frd_m)
         around = replace(near, recalled_frd_m=recalled)
-        return self._team.around(around, pose, self.flight) if self._team else around
+        return self.team.around(around, pose, self.flight) if self.team else around
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self._team.mates.joined(self.space.grid) if self._team else self.space.grid
+        grid = self.team.mates.joined(self.space.grid) if self.team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]

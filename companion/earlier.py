@@ -29,12 +29,14 @@ from companion.pdps.viewpoints import Viewpoint
 
 _WALLS, _SPACE, TRIED = "walls.", "space.", "tried."
 """Prefixes of the arrays' names."""
-_OVERHEAD = "overhead"
+_OVERHEAD, _PAD = "overhead", "pad"
+SURVEY_PAD: Array = np.zeros(3)
+"""The pad on which the first flight of a survey began: it defines the frame of the survey."""
 
 
 @dataclass(frozen=True, slots=True)
 class EarlierFlights:
-    """The map of earlier flights, in the frame of the survey: that of the first flight."""
+    """The map of earlier flights, in the frame of the pad on which the next flight begins."""
 
     walls: EarlierWalls
     spaces: tuple[Occupancy, ...]
@@ -43,6 +45,8 @@ class EarlierFlights:
     """Targets of the looks in each layer: one that was never seen is dropped after some looks."""
     overhead: Array = field(default_factory=lambda: np.empty((0, 4)))
     """(n, 4), m: readings of the up beam, as in `Overhead.readings`."""
+    pad: Array = field(default_factory=SURVEY_PAD.copy)
+    """(3,): the pad in the frame of the survey, as north, east, m, and heading, rad."""
 
     def segments(self) -> tuple[WallSegment, ...]:
         """The walls from their first to their last hit, for display."""
@@ -78,7 +82,7 @@ class EarlierFlights:
 
     def to_bytes(self) -> bytes:
         """All content, lossless: a NumPy archive."""
-        arrays: dict[str, Any] = {_OVERHEAD: self.overhead}
+        arrays: dict[str, Any] = {_OVERHEAD: self.overhead, _PAD: self.pad}
         arrays |= {f"{_WALLS}{each.name}": getattr(self.walls, each.name) for each in _OF_WALLS}
         arrays |= layers_as_arrays(_SPACE, [space.arrays() for space in self.spaces])
         arrays |= layers_as_arrays(TRIED, [places_as_arrays(layer) for layer in self.tried])
@@ -102,6 +106,7 @@ class EarlierFlights:
                     tuple(Occupancy.of_arrays(arrays) for arrays in spaces),
                     tuple(places_of_arrays(arrays) for arrays in tried),
                     archive[_OVERHEAD],
+                    archive.get(_PAD, SURVEY_PAD),  # not in old recordings
                 )
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise SurveyError(f"the map of earlier flights is not readable: {error!r}") from None

@@ -8,9 +8,11 @@ A test's layer is its folder: `pytest -m contract`. A test that flies or starts 
 marker in any folder. Those files run first, so that no worker is left alone with one at the end.
 
 Tests are distributed to workers file by file, so that a flight that a file's tests share is flown
-once. Those of the slow layers are distributed one by one.
+once. Those of the slow layers are distributed one by one: tests that start programs, and wait for
+them, among flights, which need the processor all the time.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -24,15 +26,22 @@ settings.register_profile("fast", deadline=None, derandomize=True, max_examples=
 settings.load_profile("same")
 
 HERE = Path(__file__).parent
-ONE_BY_ONE = "tests/processes", "tests/flights", "examples"
+FLYING = "tests/flights", "examples"
+"""Folders of tests that need the processor all the time."""
+WAITING = "tests/processes", "tests/browser"
+"""Folders of tests that start programs, and often wait."""
+ONE_BY_ONE = *FLYING, "tests/processes"
 """Folders whose files would occupy one worker for minutes."""
+SHARED = "tests/flights/test_attacker.py"
+"""File in such a folder whose tests share a flight."""
 
 
 class FileScheduling(LoadScopeScheduling):
     """Distributes tests to workers file by file, or one by one."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return nodeid if nodeid.startswith(ONE_BY_ONE) else nodeid.partition("::")[0]
+        is_alone = nodeid.startswith(ONE_BY_ONE) and not nodeid.startswith(SHARED)
+        return nodeid if is_alone else nodeid.partition("::")[0]
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FileScheduling:
@@ -45,7 +54,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if not (layer == "unit" and flies_or_starts(item)):
             item.add_marker(layer)
     slow = {item.path for item in items if flies_or_starts(item)}
-    items.sort(key=lambda item: item.path not in slow)
+    first = mixed(
+        *([item for item in items if item.nodeid.startswith(layer)] for layer in (WAITING, FLYING))
+    )
+    others = [item for item in items if not item.nodeid.startswith((*WAITING, *FLYING))]
+    items[:] = [*first, *sorted(others, key=lambda item: item.path not in slow)]
+
+
+def mixed(*groups: Sequence[pytest.Item]) -> list[pytest.Item]:
+    """The items of all groups, each group in its order and spread evenly over the whole."""
+    placed = [((at + 0.5) / len(group), item) for group in groups for at, item in enumerate(group)]
+    return [item for _, item in sorted(placed, key=lambda each: each[0])]
 
 
 def flies_or_starts(item: pytest.Item) -> bool:

@@ -61,7 +61,7 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
     from companion.survey.left import left_to_fly  # noqa: PLC0415
 
     _refuse_not_recorded(settings, folder)
-    survey = Survey(folder, console.print)
+    survey = Survey(folder, console.print, settings.team)
     earlier = survey.earlier()
     if earlier is not None:
         console.print(left_to_fly(earlier, settings).in_words())
@@ -73,8 +73,7 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
         return code  # the recovery needs the computer
     try:
         if joint := survey.make_map():
-            earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
-            console.print(left_to_fly(earlier, settings).in_words())
+            console.print(left_to_fly(joint.earlier, settings).in_words())
     except CompanionError as error:  # the flight is over and keeps its status
         console.print(f"the joint map is not made: {error}", soft_wrap=True)
     return code

@@ -77,15 +77,16 @@ def merge_command(
 
     from companion.export.map_files import save  # noqa: PLC0415
     from companion.recording.reader import read  # noqa: PLC0415
+    from companion.survey.folder import Pad  # noqa: PLC0415
     from companion.survey.merge import Starts, merge  # noqa: PLC0415
     from companion.survey.solved import is_kept, kept_or_solved  # noqa: PLC0415
+    from companion.survey.team_starts import team_sigma, team_starts  # noqa: PLC0415
 
     console = Console(highlight=False, markup=False)
     recordings = [read(path) for path in flights]
     _check(recordings)
     names = [recording.path.name for recording in recordings]
-    of_team, (sigma_m, sigma_deg) = _team_starts(recordings)
-    given = of_team | _given(start or [], names)
+    given = team_starts(recordings) | _given(start or [], names)
     flown = []
     for number, recording in enumerate(recordings, 1):
         if not is_kept(recording.path, out):
@@ -94,8 +95,9 @@ def merge_command(
     if starts is StartsKnown.UNKNOWN:
         console.print("searching where the flights began")
     console.print("solving all flights together")
-    sigma_m, sigma_deg = pad_sigma_m or sigma_m, pad_sigma_deg or sigma_deg
-    pad_sigma = np.array([sigma_m, sigma_m, np.radians(sigma_deg)])
+    sigma = np.maximum(Pad().sigma, team_sigma(recordings))
+    sigma_m, sigma_rad = pad_sigma_m or sigma[0], np.radians(pad_sigma_deg or 0.0) or sigma[-1]
+    pad_sigma = np.array([sigma_m, sigma_m, sigma_rad])
     merged = merge(flown, Starts(pad_sigma, given, starts is StartsKnown.UNKNOWN))
     files = save(merged.plan, out)
     console.print(_summary(merged))
@@ -111,8 +113,10 @@ def merge_command(
 def _check(recordings: "list[Recording]") -> None:
     """Refuse recordings that do not belong together."""
     from companion.survey.folder import check_same_sensors  # noqa: PLC0415 - not for the drone
+    from companion.survey.team_starts import check_same_team  # noqa: PLC0415
 
     check_same_sensors(recordings)
+    check_same_team(recordings)
     paths = [recording.path.resolve() for recording in recordings]
     names = [path.name for path in paths]
     for path in paths:
@@ -120,27 +124,6 @@ def _check(recordings: "list[Recording]") -> None:
             raise RecordingError(f"{path}: named twice; its measurements would count twice")
         if names.count(path.name) > 1:
             raise RecordingError(f"{path}: another recording has this name; rename one of them")
-
-
-def _team_starts(
-    recordings: "list[Recording]",
-) -> "tuple[dict[str, Array], tuple[float, float]]":
-    """Starts (3,) on the pads of a team by the name of the flight, and their sigmas, m and °.
-
-    No starts, and the sigmas of one pad, if the flights are not of one team.
-    """
-    from companion.team.pads import relative_pad  # noqa: PLC0415 - not for the drone
-
-    teams = [recording.config.team for recording in recordings]
-    first = teams[0]
-    if not first.name or any((each.name, each.pads) != (first.name, first.pads) for each in teams):
-        return {}, (PAD_SIGMA_M, PAD_SIGMA_DEG)
-    own = first.pads[first.drone - 1]
-    given = {
-        recording.path.name: relative_pad(own, team.pads[team.drone - 1])
-        for recording, team in zip(recordings[1:], teams[1:], strict=True)
-    }
-    return given, (first.pad_sigma_m, first.pad_sigma_deg)
 
 
 def _given(texts: list[str], names: list[str]) -> "dict[str, Array]":
@@ -190,8 +173,7 @@ def _summary(merged: "Merged") -> Table:
 
 
 def _off_the_pad(flight: "MergedFlight") -> tuple[str, str]:
-    off = flight.start if flight.pad is None else flight.start - flight.pad
-    north_m, east_m, yaw_rad = off.tolist()
+    north_m, east_m, yaw_rad = flight.off_the_pad.tolist()
     return f"{100 * hypot(north_m, east_m):.0f} cm", f"{degrees(yaw_rad):+.1f}°"
 
 

@@ -63,8 +63,7 @@ def survey_command(
     for change in joint.merged.changes:
         found_by = joint.merged.flights[change.flight].name
         console.print(change.in_words(found_by), soft_wrap=True)
-    earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
-    left = left_to_fly(earlier, joint.recordings[-1].config)
+    left = left_to_fly(joint.earlier, joint.recordings[-1].config)
     console.print(left.in_words())
     if what is What.REPORT:
         _report(joint, left, folder)
@@ -87,7 +86,7 @@ def _table(survey: "Survey", joint: "SurveyMap") -> Table:
         ended = recording.phases[-1] if recording.phases else None
         state = (ended.trouble or ended.activity) if ended else "cut short"
         flown_s = recorded_s(recording)
-        north_m, east_m, _ = flight.start.tolist()
+        north_m, east_m, _ = flight.off_the_pad.tolist()
         off_cm = 100 * (north_m**2 + east_m**2) ** 0.5
         table.add_row(flight.name, f"{flown_s:.0f} s", state, f"{off_cm:.0f} cm", f"{wall_m:.1f} m")
     length_m = sum(wall.length_m for wall in joint.merged.plan.walls)

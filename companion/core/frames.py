@@ -20,6 +20,8 @@ from companion.core.arrays import Array
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
+HEADING = 2
+"""Index of the heading, rad, in a start (3,): the origin of a frame in another; and in a pose."""
 Angles = TypeVar("Angles", float, Array)
 """One angle or an array of angles, rad."""
 
@@ -59,6 +61,30 @@ def points_to_frd(points_ne_m: Array, yaw_rad: float) -> Array:
     cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
     points_frd_m: Array = points_ne_m @ np.array([[cos_yaw, -sin_yaw], [sin_yaw, cos_yaw]])
     return points_frd_m
+
+
+def inverse_starts(starts: Array) -> Array:
+    """(h, 3): the other frame in each of the frames that begin at starts (h, 3)."""
+    cos, sin = np.cos(starts[:, HEADING]), np.sin(starts[:, HEADING])
+    north, east = starts[:, 0], starts[:, 1]
+    return np.column_stack(
+        [-cos * north - sin * east, sin * north - cos * east, -starts[:, HEADING]]
+    )
+
+
+def places_moved_to(start: Array, places: Array) -> Array:
+    """Places (n, 2) of a frame, in the frame in which it begins at `start` (3,)."""
+    forward, right = places.T
+    cos, sin = np.cos(start[HEADING]), np.sin(start[HEADING])
+    turned: Array = np.column_stack([cos * forward - sin * right, sin * forward + cos * right])
+    return start[:HEADING] + turned
+
+
+def poses_moved_to(start: Array, poses: Array) -> Array:
+    """Poses (n, 3) of a frame, in the frame in which it begins at `start` (3,)."""
+    return np.column_stack(
+        [places_moved_to(start, poses[:, :HEADING]), poses[:, HEADING] + start[HEADING]]
+    )
 
 
 def to_nearest_m(points: Array, others: Array) -> Array:

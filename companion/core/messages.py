@@ -7,6 +7,7 @@ is the flight's own clock, which may be virtual.
 import enum
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Protocol
 
 from companion.core.frames import Vector2, Vector3, wrap_rad
@@ -374,6 +375,13 @@ class FloorPlan:
     ceiling_m: float | None = None
     floor_m: float | None = None
     tops: tuple[Surface, ...] = ()
+    begins: tuple[int, ...] = (0,)
+    """Index in `path` at which each flight of a joint map begins."""
+
+    @property
+    def paths(self) -> tuple[tuple[Pose, ...], ...]:
+        """The path of each flight."""
+        return tuple(self.path[a:b] for a, b in pairwise((*self.begins, len(self.path))))
 
 
 @value

@@ -55,8 +55,11 @@ def write_geojson(survey: Survey, path: Path, place: Place) -> None:
         line([gap.start_ne_m, gap.end_ne_m], "opening", width_m=round(gap.width_m, 4))
         for gap in survey.openings
     ]
-    if len(plan.path) > 1:
-        features.append(line([pose.ne_m for pose in plan.path], "path"))
+    features += [
+        line([pose.ne_m for pose in path_flown], "path")
+        for path_flown in plan.paths
+        if len(path_flown) > 1
+    ]
     path.write_text(
         json.dumps({"type": "FeatureCollection", "features": features}) + "\n", encoding="utf-8"
     )

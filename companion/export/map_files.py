@@ -27,6 +27,21 @@ UNKNOWN_CEILING_M = 2.5
 WALL_COLOUR = (90, 110, 130, 255)
 HIT_COLOUR = (230, 120, 40, 255)
 """Colours of walls and hits in the PLY file, RGBA, 0 to 255. Chosen."""
+PLY_HEADER = """ply
+format binary_little_endian 1.0
+element vertex {vertices}
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+property uchar alpha
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+"""Begin of the PLY file. A library that writes it takes longer to load than all else at the end."""
 
 
 def save(plan: FloorPlan, folder: Path) -> list[Path]:
@@ -147,26 +162,19 @@ def load_json(path: Path) -> FloorPlan:
 
 def save_ply(plan: FloorPlan, path: Path) -> None:
     """Write walls from floor to ceiling as faces, hits as points; ENU, m, z = 0 at take-off."""
-    import trimesh  # noqa: PLC0415 - slow to load, and only needed at the end
-
     ceiling_m = plan.ceiling_m if plan.ceiling_m is not None else UNKNOWN_CEILING_M
     corners = [corner for wall in plan.walls for corner in _wall_corners(wall, ceiling_m)]
     points = [ned_to_enu(hit.position_ned_m) for hit in plan.hits]
-    faces = [
-        (4 * wall + a, 4 * wall + b, 4 * wall + c)
-        for wall in range(len(plan.walls))
-        for a, b, c in ((0, 1, 2), (0, 2, 3))
-    ]
-    mesh = trimesh.Trimesh(
-        np.array([*corners, *points]).reshape(-1, 3),
-        np.array(faces, dtype=int).reshape(-1, 3),
-        process=False,
-    )
-    if len(mesh.vertices):
-        colours = [WALL_COLOUR] * len(corners) + [HIT_COLOUR] * len(points)
-        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.array(colours))
-    with path.open("wb") as file:
-        mesh.export(file, file_type="ply")
+    vertices = np.zeros(len(corners) + len(points), [("enu_m", "<f4", 3), ("rgba", "u1", 4)])
+    vertices["enu_m"] = np.array([*corners, *points]).reshape(-1, 3)
+    vertices["rgba"][: len(corners)] = WALL_COLOUR
+    vertices["rgba"][len(corners) :] = HIT_COLOUR
+    faces = np.zeros(2 * len(plan.walls), [("count", "u1"), ("vertices", "<i4", 3)])
+    faces["count"] = 3
+    first = 4 * np.arange(len(plan.walls))
+    faces["vertices"] = (first[:, None, None] + [(0, 1, 2), (0, 2, 3)]).reshape(-1, 3)
+    header = PLY_HEADER.format(vertices=len(vertices), faces=len(faces))
+    path.write_bytes(header.encode("ascii") + vertices.tobytes() + faces.tobytes())
 
 
 def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, float, float]]:

@@ -12,11 +12,20 @@ if TYPE_CHECKING:
 PAPER = "#fbfaf7"
 WALL = "#22333b"
 HIT = "#e07a1f"
-PATH = "#3a86c8"
+FLIGHTS = ("#3a86c8", "#e08a1e", "#3f9c58", "#8a5fc2", "#c1121f", "#1aa5a5", "#b0578d", "#7a6a3a")
+"""Colours of the first flight of a joint map, or the first drone of a team, the second, ..."""
+
+
+def flight_colour(number: int) -> str:
+    """Colour of a flight or drone by its number, from 0."""
+    return FLIGHTS[number % len(FLIGHTS)]
 
 
 def draw(plan: FloorPlan, path: Path) -> None:
-    """Write a PNG of walls with lengths, hits, path and scale bar; east is right, north is up."""
+    """Write a PNG of walls with lengths, hits, path and scale bar; east is right, north is up.
+
+    Each flight of a joint map has a path of its own.
+    """
     from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
@@ -31,13 +40,14 @@ def draw(plan: FloorPlan, path: Path) -> None:
         linewidths=0,
         label="range returns",
     )
-    axes.plot(
-        [pose.east_m for pose in plan.path],
-        [pose.north_m for pose in plan.path],
-        color=PATH,
-        linewidth=1.2,
-        label="path flown",
-    )
+    for number, path_flown in enumerate(plan.paths):
+        axes.plot(
+            [pose.east_m for pose in path_flown],
+            [pose.north_m for pose in path_flown],
+            color=flight_colour(number),
+            linewidth=1.2,
+            label="path flown" if len(plan.paths) == 1 else f"flight {number + 1}",
+        )
     for number, wall in enumerate(plan.walls):
         (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
         axes.plot(
@@ -61,7 +71,7 @@ def draw(plan: FloorPlan, path: Path) -> None:
             color=WALL,
         )
     if plan.path:
-        axes.plot(0, 0, marker="o", color=PATH, markersize=7, label="take-off")
+        axes.plot(0, 0, marker="o", color=FLIGHTS[0], markersize=7, label="take-off")
     _scale_bar(axes)
     if plan.path or plan.walls:
         figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)

@@ -15,6 +15,22 @@ from companion.mapping.occupancy import (
 )
 
 
+class JoinedGrid:
+    """The joined grid in flight: joined anew only when one of the grids has changed."""
+
+    def __init__(self) -> None:
+        self._of: list[tuple[Occupancy, int]] = []
+        """The grids that are joined, each with its number of changes."""
+        self._grid = Occupancy()
+
+    def of(self, own: Occupancy, others: Sequence[Occupancy]) -> Occupancy:
+        """As `joined`; the caller must not change the grid."""
+        grids = [(grid, grid.changes) for grid in (own, *others)]
+        if grids != self._of:
+            self._of, self._grid = grids, joined(own, others)
+        return self._grid
+
+
 def joined(own: Occupancy, others: Sequence[Occupancy]) -> Occupancy:
     """The own grid, with what other drones have measured where it is unknown.
 

@@ -90,6 +90,8 @@ class Occupancy:
         self._layers = _Layers.unknown((CHUNK_CELLS, CHUNK_CELLS))
         self._is_all_allowed = True
         """True if cells outside the grid are allowed."""
+        self.changes = 0
+        """Number of times that cells have changed."""
 
     def _with(self, low: tuple[int, int], layers: _Layers) -> "Occupancy":
         other = Occupancy()
@@ -309,6 +311,7 @@ class Occupancy:
         """Add many readings."""
         if not len(rays.end_m):
             return
+        self.changes += 1
         unit = np.column_stack([np.cos(rays.bearing_rad), np.sin(rays.bearing_rad)])
         ends = rays.origin_ne_m + rays.end_m[:, None] * unit
         reached = np.concatenate([rays.origin_ne_m, ends])
@@ -350,6 +353,7 @@ class Occupancy:
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
         """Mark a disc as occupied, independent of the readings."""
+        self.changes += 1
         self._reach(place_ne_m)
         row, column = self.cell(place_ne_m)
         reach = math.ceil(radius_m / CELL_M)

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 from html import escape
-from itertools import cycle, islice
 from pathlib import Path
 
 from companion.core.figures import Axes, Figure, LineCollection, rc_context
 from companion.core.frames import Vector2
+from companion.export.map_png import flight_colour
 from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
 from companion.report.numbers import ending, recorded_s, walls_mapped
@@ -15,9 +15,6 @@ from companion.report.pictures import INK, ROOM, STYLE, svg
 from companion.survey.added import AddedPiece, pieces_added, walls_added_m
 from companion.survey.left import Left
 from companion.survey.merge import Merged
-
-COLOURS = ("#2f7fc1", "#e08a1e", "#3f9c58", "#8a5fc2", "#c1121f", "#1aa5a5", "#b0578d", "#7a6a3a")
-"""Colours of the first flight, the second, ..."""
 
 
 def write_survey_report(
@@ -73,7 +70,7 @@ def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[A
     added_m = walls_added_m(pieces, len(merged.flights))
     rows = []
     for number, (flight, recording) in enumerate(zip(merged.flights, recordings, strict=True)):
-        north_m, east_m, _ = flight.start.tolist()
+        north_m, east_m, _ = flight.off_the_pad.tolist()
         rows.append(
             (
                 f"{number + 1}",
@@ -108,7 +105,6 @@ def _place(place_ne_m: Vector2) -> str:
 
 def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], left: Left) -> str:
     """Draw walls by the flight that detected them first, paths, changes and what is left."""
-    colours = list(islice(cycle(COLOURS), len(merged.flights)))
     with rc_context(STYLE):
         figure = Figure(figsize=(7.6, 7.0), layout="constrained")
         axes = figure.add_subplot(aspect="equal")
@@ -116,10 +112,8 @@ def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], l
         axes.set_ylabel("north (first heading), m")
         for room in found.rooms:
             axes.fill([e for _, e in room.outline_ne_m], [n for n, _ in room.outline_ne_m], ROOM)
-        of_flight = merged.flight_of([pose.time_s for pose in merged.plan.path])
-        for number, colour in enumerate(colours):
-            poses = zip(merged.plan.path, of_flight, strict=True)
-            path = [pose.ne_m for pose, flight in poses if flight == number]
+        for number, poses in enumerate(merged.plan.paths):
+            path, colour = [pose.ne_m for pose in poses], flight_colour(number)
             walls = [
                 [piece.start_ne_m, piece.end_ne_m] for piece in pieces if piece.flight == number
             ]
@@ -132,8 +126,10 @@ def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], l
             axes.plot([e for _, e in ends], [n for n, _ in ends], style, color=INK, linewidth=1.2)
         for north_m, east_m in left.places_ne_m:
             axes.plot(east_m, north_m, "o", markersize=7, markerfacecolor="none", color=INK)
-        axes.plot(0, 0, marker="^", markersize=9, color=INK)
-        axes.annotate("pad", (0, 0), (7, 5), textcoords="offset points", color=INK)
+        pads = [flight.pad.tolist() for flight in merged.flights if flight.pad is not None]
+        for north_m, east_m in {(north_m, east_m) for north_m, east_m, _ in pads}:
+            axes.plot(east_m, north_m, marker="^", markersize=9, color=INK)
+            axes.annotate("pad", (east_m, north_m), (7, 5), textcoords="offset points", color=INK)
         axes.autoscale_view()
         axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
         return svg(figure)

@@ -30,6 +30,7 @@ from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
 from companion.run.loop import ControlLoop
 from companion.team.radio import new_instance
+from companion.team.teammate import Heard
 
 T = TypeVar("T")
 LOOK_S = 0.2
@@ -154,6 +155,12 @@ class Drone:
     def pose(self) -> Pose | None:
         """Current pose, local NED; None before the gyro is calibrated."""
         return self._latest.pose if self._latest else None
+
+    @property
+    def teammates(self) -> tuple[Heard, ...]:
+        """The other drones of its team that it hears now."""
+        team, latest = self._app.team, self._latest
+        return team.mates.heard(latest.scan.time_s) if team and latest else ()
 
     @property
     def readings(self) -> Mapping[Beam, RangeReading]:

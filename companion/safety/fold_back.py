@@ -11,17 +11,18 @@ ambiguous:
             └──────────────────────────── distance
 
 An obstacle that close was mostly detected earlier, or by another beam. So a reading whose alias
-lies on a known point becomes TOO_NEAR. At a corner that the drone passes closely, an undetected
-wall can come near. There the signal passes the peak without a step, and no recent beam has swept
-the place. The distance is then a guess with an error of up to two decimetres.
+lies on a known point becomes TOO_NEAR. So does one whose alias lies on a wall of earlier flights: a
+drone that takes off beside a wall has not detected it yet. At a corner that the drone passes
+closely, an undetected wall can come near. There the signal passes the peak without a step, and no
+recent beam has swept the place. The distance is then a guess with an error of up to two decimetres.
 """
 
 import math
+from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
 
-from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeModel, RangeReading, RangeState, RangeUnit
 
@@ -39,6 +40,10 @@ BEHIND_M, FREE_ASIDE_M, FREE_S = 0.15, 0.07, 6.0
 """A place is free if a beam reached the first distance behind it, m, within the second beside it,
 m, less than the third ago, s. Chosen: beside a wall, odometry wanders by decimetres in ten
 seconds."""
+WALL_GONE_BEAMS = 5
+"""Beams that must have passed a wall of earlier flights before it may be gone. Chosen: the light of
+another drone's sensor makes single readings too far.
+"""
 HULL_M = 0.15
 """Space within this distance of a recent position of the drone's centre is free, m. Otherwise a
 far reading beside an edge, which resembles a folded one, would create obstacles there. Chosen."""
@@ -54,8 +59,8 @@ class FoldBackDetector:
         """Least possible range of each beam that was too near in the last sweep, m."""
         self._over_peak: set[Beam] = set()
         """Those beams of which the obstacle may have been nearer than the signal's peak."""
-        self._free_segments: Array = np.empty((0, 6))
-        """(r, 6): free segments of recent beams: origin, unit vector, length m, time s."""
+        self._free_segments: deque[tuple[float, ...]] = deque()
+        """Free segments of recent beams, oldest first: origin, unit vector, length m, time s."""
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
 
@@ -63,18 +68,23 @@ class FoldBackDetector:
         """Set the drone's position, m, and heading, rad, in that frame."""
         self._ne_m, self._yaw_rad = place_ne_m, yaw_rad
 
-    def unfolded(self, beam: Beam, reading: RangeReading, known_m: float) -> RangeReading:
+    def unfolded(
+        self, beam: Beam, reading: RangeReading, known_m: float, wall_m: float
+    ) -> RangeReading:
         """Return TOO_NEAR if the reading has probably folded back; call once per sweep and beam.
 
-        `known_m` is the distance from the sensor to the nearest known point along its beam, m, or
-        infinite.
+        Distances from the sensor along its beam, m, or infinite: `known_m` to the nearest known
+        point, `wall_m` to a wall of earlier flights.
         """
         model = self._units[beam].model
         alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
         off_m, alias_off_m = abs(known_m - reading.distance_m), abs(known_m - alias_m)
         approaches = beam in self._over_peak and abs(alias_m - was_m) < MAX_STEP_M
-        has_folded = alias_off_m <= min(ALIAS_M, off_m) or (
-            approaches and off_m > KNOWN_M and not self._is_free(beam, alias_m)
+        is_on_wall = abs(wall_m - alias_m) <= min(ALIAS_M, abs(wall_m - reading.distance_m))
+        has_folded = (
+            alias_off_m <= min(ALIAS_M, off_m)
+            or (approaches and off_m > KNOWN_M and not self._is_free(beam, alias_m))
+            or (is_on_wall and self._freed_by(beam, alias_m) < WALL_GONE_BEAMS)
         )
         if reading.is_distance and has_folded:
             reading = RangeReading(RangeState.TOO_NEAR, alias_m)
@@ -87,39 +97,41 @@ class FoldBackDetector:
         return reading
 
     def _is_free(self, beam: Beam, distance_m: float) -> bool:
-        """Return True if the place at `distance_m` from the sensor along its beam is free.
+        """Return True if the place at `distance_m` from the sensor along its beam is free."""
+        return self._freed_by(beam, distance_m) > 0
 
-        It is free if the drone was there, or if a recent beam reached `BEHIND_M` behind it. A beam
-        that only passes it does not count: beams along a wall graze its corner.
+    def _freed_by(self, beam: Beam, distance_m: float) -> int:
+        """Return the number of sweeps and beams that show a place along the beam to be free.
+
+        In a sweep the drone was there, or a beam reached `BEHIND_M` behind it. A beam that only
+        passes it does not count: beams along a wall graze its corner.
         """
-        unit_ne = self._unit_ne(beam)
-        free = self._free_segments
+        unit_ne = np.array(self._unit_ne(beam))
+        free = np.array(self._free_segments).reshape(-1, 6)
         off_m = self._ne_m - free[:, :2]
         off_m += (distance_m + self._units[beam].offset_m) * unit_ne
         was_there = (off_m * off_m).sum(axis=1) < HULL_M**2
         off_m += BEHIND_M * unit_ne
-        along_m = (off_m * self._free_segments[:, 2:4]).sum(axis=1)
-        aside_m = np.abs(
-            off_m[:, 0] * self._free_segments[:, 3] - off_m[:, 1] * self._free_segments[:, 2]
-        )
-        through = (along_m > 0) & (along_m < self._free_segments[:, 4] - FREE_ASIDE_M)
-        return bool((was_there | through & (aside_m < FREE_ASIDE_M)).any())
+        along_m = (off_m * free[:, 2:4]).sum(axis=1)
+        aside_m = np.abs(off_m[:, 0] * free[:, 3] - off_m[:, 1] * free[:, 2])
+        through = (along_m > 0) & (along_m < free[:, 4] - FREE_ASIDE_M)
+        return int((was_there | through & (aside_m < FREE_ASIDE_M)).sum())
 
     def record_free(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
         """Store the free segment of each beam, also in front of an obstacle that is too near."""
-        segments = []
+        free = self._free_segments
+        while free and free[0][-1] <= now_s - FREE_S:
+            free.popleft()
         for beam, unit in self._units.items():
             if beam not in raw:
                 continue
             to_m = _free_length_m(raw[beam], unfolded[beam], unit.model) + unit.offset_m
             if to_m > FREE_ASIDE_M:
-                segments.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
-        lately = self._free_segments[self._free_segments[:, 5] > now_s - FREE_S]
-        self._free_segments = np.vstack([lately, *segments]) if segments else lately
+                free.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
 
-    def _unit_ne(self, beam: Beam) -> Array:
+    def _unit_ne(self, beam: Beam) -> Vector2:
         bearing_rad = self._yaw_rad + self._units[beam].bearing_frd_rad
-        return np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
+        return math.cos(bearing_rad), math.sin(bearing_rad)
 
 
 def _alias_m(reading: RangeReading, model: RangeModel) -> float:

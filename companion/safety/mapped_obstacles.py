@@ -17,9 +17,14 @@ pole. The memory keeps it until beams have passed through all of its width.
     = unmapped
 """
 
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
 from companion.core.arrays import Array
 from companion.core.frames import points_to_frd, to_nearest_m
-from companion.core.messages import Pose
+from companion.core.messages import Beam, Pose, RangeUnit, WallSegment
 from companion.mapping.occupancy import Occupancy
 from companion.safety.control_laws import BODY_RADIUS_M
 from companion.safety.obstacle_points import KEPT_S
@@ -50,6 +55,32 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
         return recalled
     kept: Array = recalled[to_nearest_m(recalled, lately_frd_m) > MET_ANEW_M]
     return kept
+
+
+def walls_ahead_m(
+    walls: Sequence[WallSegment], pose: Pose, units: Mapping[Beam, RangeUnit]
+) -> dict[Beam, float]:
+    """Return the distance from each sensor to the nearest of the walls along its beam, m.
+
+    Beams that meet none are left out.
+    """
+    if not walls:
+        return {}
+    starts = np.array([wall.start_ne_m for wall in walls]) - pose.ne_m
+    spans = np.array([wall.end_ne_m for wall in walls]) - pose.ne_m - starts
+    ahead_m = {}
+    for beam, unit in units.items():
+        bearing_rad = pose.yaw_rad + unit.bearing_frd_rad
+        north, east = math.cos(bearing_rad), math.sin(bearing_rad)
+        across = spans[:, 0] * east - spans[:, 1] * north
+        is_met = np.abs(across) > 0
+        across = np.where(is_met, across, 1.0)
+        share = (starts[:, 1] * north - starts[:, 0] * east) / across
+        along_m = (starts[:, 1] * spans[:, 0] - starts[:, 0] * spans[:, 1]) / across
+        is_met &= (share >= 0) & (share <= 1) & (along_m > unit.offset_m)
+        if is_met.any():
+            ahead_m[beam] = float(along_m[is_met].min()) - unit.offset_m
+    return ahead_m
 
 
 def unmapped_ne_m(grid: Occupancy, pose: Pose, measured_frd_m: Array) -> Array:

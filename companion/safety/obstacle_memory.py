@@ -106,6 +106,10 @@ class Surroundings:
     """Among legs: the drift may have used up the gap to an obstacle since it was measured."""
 
 
+NO_WALLS: Mapping[Beam, float] = {}
+"""No wall of earlier flights is near."""
+
+
 class ObstacleMemory:
     """Memory of the obstacles around the drone, in a frame of its own."""
 
@@ -178,8 +182,11 @@ class ObstacleMemory:
         self._ne_m, self._velocity_frd_m_s = place_ne_m, velocity_frd_m_s
         self._points.drift = drift
 
-    def see(self, scan: RangeScan) -> RangeScan:
-        """Add a sweep; return it with the readings that have folded back as TOO_NEAR."""
+    def see(self, scan: RangeScan, walls_m: Mapping[Beam, float] = NO_WALLS) -> RangeScan:
+        """Add a sweep; return it with the readings that have folded back as TOO_NEAR.
+
+        `walls_m`: distance from a sensor to a wall of earlier flights along its beam.
+        """
         self._points.forget(self._ne_m, scan.time_s)
         self._fold_back.move_to(self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
@@ -195,7 +202,9 @@ class ObstacleMemory:
             is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
             measured = np.flatnonzero(is_on_it & is_measured)
             known_m = float(line.along_m[measured].min(initial=math.inf)) - unit.offset_m
-            unfolded = readings[beam] = self._fold_back.unfolded(beam, reading, known_m)
+            unfolded = readings[beam] = self._fold_back.unfolded(
+                beam, reading, known_m, walls_m.get(beam, math.inf)
+            )
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
             elsewhere = measured[self._points.is_detected_from_elsewhere(measured, eye_ne_m)]

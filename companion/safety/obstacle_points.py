@@ -281,6 +281,9 @@ class ObstaclePoints:
 
     def _gone(self, now_s: float) -> Mask:
         """(n,): True for points through which beams passed."""
+        is_through: Mask = self._points[:, _FREED + STRIPS // 2] > now_s - FREED_WITHIN_S
+        if not is_through.any():  # the strip through the point must be free in any case
+            return is_through
         within_m = MIN_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
         within_m[~self.is_sure] = GUESS_STRIPS_M
         lately = self._points[:, _FREED:] > now_s - FREED_WITHIN_S

@@ -164,6 +164,8 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
 def _by_recalled(around: Surroundings) -> _Bounds:
     """Speed limits of older obstacles from the map; never negative."""
     towards, away_m = _towards(around.recalled_frd_m)
+    if not len(towards):
+        return _Bounds(towards, away_m, away_m)
     keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
     max_m_s = _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around))
     return _Bounds(towards, max_m_s, np.full_like(away_m, CELL_M))
@@ -172,6 +174,8 @@ def _by_recalled(around: Surroundings) -> _Bounds:
 def _by_others(around: Surroundings) -> _Bounds:
     """Speed limits of teammates; negative where one is too near."""
     towards, away_m = _towards(around.others_frd_m)
+    if not len(towards):
+        return _Bounds(towards, away_m, away_m)
     left_m = away_m - around.others_keep_off_m - _stopping_m(towards, around)
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_TO_DRONES_M_S)
     max_m_s = np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, inverse_starts
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import (
     CALIBRATION_SIZE,
@@ -154,17 +154,10 @@ class Evidence:
 def evidence(one: Sight, other: Sight, starts: Array) -> Evidence:
     """Compare two maps for starts (h, 3) of `one` in the frame of `other`."""
     there = _of_beams(one, other, starts)
-    back = _of_beams(other, one, inverse(starts))
+    back = _of_beams(other, one, inverse_starts(starts))
     agreed_m, contradicted_m = (0.5 * (there[i] + back[i]) for i in range(2))
     shared = np.minimum(there[3], back[3]).astype(np.int64)
     return Evidence(agreed_m, contradicted_m, shared, np.minimum(there[2], back[2]))
-
-
-def inverse(starts: Array) -> Array:
-    """(h, 3): starts of the other map in the frame of the one."""
-    cos, sin = np.cos(starts[:, YAW]), np.sin(starts[:, YAW])
-    north, east = starts[:, 0], starts[:, 1]
-    return np.column_stack([-cos * north - sin * east, sin * north - cos * east, -starts[:, YAW]])
 
 
 def _of_beams(one: Sight, other: Sight, starts: Array) -> tuple[Array, Array, Array, Array]:

@@ -21,17 +21,20 @@ import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
+from companion.config.team import PadConfig, TeamConfig
 from companion.core.arrays import Array
 from companion.core.errors import CompanionError, SurveyError
 from companion.core.textfile import read_text
 from companion.drivers.models import level_units, range_models
-from companion.earlier import EarlierFlights
+from companion.earlier import SURVEY_PAD, EarlierFlights
 from companion.export.map_files import save, save_as
 from companion.recording.reader import Recording, read
 from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
 from companion.survey.pad import PAD_SIGMA_DEG, PAD_SIGMA_M
 from companion.survey.solved import is_kept, kept_or_solved
+from companion.survey.team_starts import check_same_team, pad_of, team_sigma, team_starts
+from companion.team.pads import relative_pad
 
 Tell = Callable[[str], None]
 """Prints a line of progress."""
@@ -61,6 +64,8 @@ class Index:
     """Recordings in the joint map, by name."""
     left_out: dict[str, str] = Field(default_factory=dict)
     """Recordings that are not in it, with reasons."""
+    frame: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Pad of its first flight: `north_m`, `east_m` and `heading_deg` in `team.pads`."""
 
     @property
     def known(self) -> set[str]:
@@ -74,20 +79,22 @@ class SurveyMap:
 
     merged: Merged
     recordings: tuple[Recording, ...]
+    earlier: EarlierFlights
+    """What the next flight has to know."""
 
 
 class Survey:
     """A survey on the disk; the folder is made with the first file."""
 
-    def __init__(self, folder: Path, tell: Tell) -> None:
-        """Read the index.
+    def __init__(self, folder: Path, tell: Tell, team: TeamConfig | None = None) -> None:
+        """Read the index. `team`: that of the drone that flies next, if one does.
 
         Raises:
             SurveyError: the index is damaged, or a value in it is invalid.
         """
         self.folder = folder
         self.index = _read_index(folder / "survey.json")
-        self._tell = tell
+        self._tell, self._team = tell, team
 
     @property
     def files(self) -> list[Path]:
@@ -103,11 +110,22 @@ class Survey:
         path = self.folder / "earlier.npz"
         if path.exists() and self.index.known == {file.name for file in self.files}:
             try:
-                return EarlierFlights.from_bytes(path.read_bytes())
+                earlier = EarlierFlights.from_bytes(path.read_bytes())
             except (OSError, SurveyError) as error:
                 self._tell(f"{path}: {error}; it is made again")
+            else:
+                if np.array_equal(earlier.pad, self._next_pad(self.index.frame)):
+                    return earlier
         joint = self.make_map()
-        return joint.merged.for_next_flight(self.index.pad.sigma) if joint else None
+        return joint.earlier if joint else None
+
+    def _next_pad(self, frame: tuple[float, float, float]) -> Array:
+        """(3,): the pad of the drone that flies next, in a frame as in `Index.frame`."""
+        if self._team is None:
+            return SURVEY_PAD
+        north_m, east_m, heading_deg = frame
+        first = PadConfig(north_m=north_m, east_m=east_m, heading_deg=heading_deg)
+        return relative_pad(first, pad_of(self._team))
 
     def make_map(self) -> SurveyMap | None:
         """Solve all flights together, and save the joint map; None without a flight.
@@ -120,15 +138,21 @@ class Survey:
         if not flown:
             return None
         self._tell(f"solving {len(flown)} flights together")
-        merged = merge(flown, Starts(self.index.pad.sigma))
+        used = [recordings[each.name] for each in flown]
+        check_same_team(used)
+        sigma = np.maximum(self.index.pad.sigma, team_sigma(used))
+        merged = merge(flown, Starts(sigma, team_starts(used)))
         left_out |= {each.name: each.reason for each in merged.left_out}
         names = tuple(flight.name for flight in merged.flights)
-        earlier = merged.for_next_flight(self.index.pad.sigma).to_bytes()
+        first = pad_of(used[0].config.team)
+        frame = first.north_m, first.east_m, first.heading_deg
+        earlier = merged.for_next_flight(sigma, self._next_pad(frame))
+        data = earlier.to_bytes()
         save(merged.plan, self.folder)
-        save_as(lambda data, path: path.write_bytes(data), earlier, self.folder / "earlier.npz")
-        self.index = Index(self.index.pad, names, left_out)
+        save_as(lambda data, path: path.write_bytes(data), data, self.folder / "earlier.npz")
+        self.index = Index(self.index.pad, names, left_out, frame)
         save_as(_write_index, self.index, self.folder / "survey.json")
-        return SurveyMap(merged, tuple(recordings[name] for name in names))
+        return SurveyMap(merged, tuple(recordings[name] for name in names), earlier)
 
     def _flown(self, left_out: dict[str, str]) -> tuple[dict[str, Recording], list[Flown]]:
         """All flights, each solved alone; `left_out` receives those that cannot be used."""

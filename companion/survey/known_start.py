@@ -1,6 +1,7 @@
 """Places flights that began on the pad, or at another known place, and solves them together.
 
-A flight that knew the map of earlier ones lies in their frame. Another one is placed by its walls.
+A flight that knew the map of earlier ones lies in their frame, as seen from its pad. Another one is
+placed by its walls.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,6 +54,7 @@ def _placed(
         if each.knows_earlier_flights:
             wall_of = each.wall_of
             x.keep_walls(np.unique(wall_of[wall_of != NO_WALL]), wall_of)
+            x = moved_to(x, pad)
         elif known is not None:
             start = refined_start(x, known, pad, pad_sigma)
             if (np.abs(start - pad) > MAX_START_SIGMAS * pad_sigma).any():

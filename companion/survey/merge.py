@@ -14,9 +14,14 @@ from itertools import chain, zip_longest
 import numpy as np
 
 from companion.core.arrays import Array, Indices
-from companion.core.frames import points_to_frd
+from companion.core.frames import (
+    inverse_starts,
+    places_moved_to,
+    points_to_frd,
+    poses_moved_to,
+)
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
-from companion.earlier import EarlierFlights
+from companion.earlier import SURVEY_PAD, EarlierFlights
 from companion.estimation.smoothing.estimate import EarlierWalls, Estimate
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S
@@ -35,7 +40,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import draw_onto
 from companion.pdps.frontiers import Places
 from companion.survey.changes import Change, changes
-from companion.survey.flights import Flown, Joint, LeftOut
+from companion.survey.flights import Flown, Joint, LeftOut, Placed
 from companion.survey.known_start import solved_from_pad
 from companion.survey.start_search import Placing
 
@@ -56,6 +61,15 @@ class MergedFlight:
     """Walls that it and at least one other flight detected."""
     later_s: float
     """Time in the joint map less time in its recording, s."""
+    rays: tuple[Array, ...]
+    """(r, 8) for each layer from the lowest, as in `RedrawnGrid.rays`."""
+    poses: Array
+    """(k, 3): its solved keyframes."""
+
+    @property
+    def off_the_pad(self) -> Array:
+        """(3,): its start less that of its pad, or less that of the first flight without a pad."""
+        return self.start if self.pad is None else self.start - self.pad
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +82,10 @@ class Merged:
     estimate: Estimate
     reach_m: Array
     """(w, 2): interval of each wall's hits; empty for walls that are gone."""
-    spaces: tuple[Occupancy, ...]
-    """Of each layer, from the lowest."""
     tried: tuple[tuple[Places, ...], ...]
-    """As in `EarlierFlights`."""
+    """As in `EarlierFlights`, in the frame of the first flight."""
     overhead: Array
-    """As in `EarlierFlights`."""
+    """As in `EarlierFlights`, in the frame of the first flight."""
     changes: tuple[Change, ...] = ()
     """What has changed between the flights."""
 
@@ -83,15 +95,27 @@ class Merged:
         numbers: list[int] = np.searchsorted(begins_s, time_s, side="right").tolist()
         return numbers
 
-    def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
-        """What a new flight from the pad has to know; `pad_sigma` as in `Starts`."""
+    def for_next_flight(self, pad_sigma: Array, pad: Array = SURVEY_PAD) -> EarlierFlights:
+        """What a new flight from a pad (3,) has to know; `pad_sigma` as in `Starts`."""
         x, solution = self.estimate.x, self.estimate.solution
         stay = np.flatnonzero(self.reach_m[:, 0] <= self.reach_m[:, 1])
         rows = x.calibration.size + (WALL_SIZE * stay[:, None] + np.arange(WALL_SIZE)).ravel()
         covariance = solution.shared_covariance[np.ix_(rows, rows)]
         walls = EarlierWalls(x.walls[stay], self.reach_m[stay], covariance, pad_sigma)
-        spaces = tuple(space.of_earlier_flight() for space in self.spaces)
-        return EarlierFlights(walls, spaces, self.tried, self.overhead)
+        [origin] = inverse_starts(pad[None])
+        overhead = self.overhead.copy()
+        overhead[:, :YAW] = places_moved_to(origin, overhead[:, :YAW])
+        tried = tuple(_moved(layer, origin) for layer in self.tried)
+        return EarlierFlights(walls.moved_to(origin), self._spaces(origin), tried, overhead, pad)
+
+    def _spaces(self, origin: Array) -> tuple[Occupancy, ...]:
+        """The space of each layer, drawn in a frame in which that of the map begins at `origin`."""
+        spaces = tuple(Occupancy() for _ in range(max(len(each.rays) for each in self.flights)))
+        for flight in self.flights:
+            poses = poses_moved_to(origin, flight.poses)
+            for space, rays in zip(spaces, flight.rays, strict=False):
+                draw_onto(space, rays, poses)
+        return tuple(space.of_earlier_flight() for space in spaces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +151,6 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     flights = [
         _of_one(number, each, m, x, (lines, found.wall_of)) for number, each in enumerate(flown)
     ]
-    layers = max(len(each.rays) for each in flown)
-    spaces = tuple(Occupancy() for _ in range(layers))
-    for each, flight in zip(flown, flights, strict=True):
-        for space, rays in zip(spaces, each.rays, strict=False):
-            draw_onto(space, rays, flight.poses)
     walls = wall_segments(
         lines,
         np.concatenate([flight.points_ne_m for flight in flights]),
@@ -141,8 +160,10 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     path: list[Pose] = []
     later_s = 0.0
     begins_s: list[float] = []
+    begins: list[int] = []
     for flight in flights:
         begins_s.append(later_s)
+        begins.append(len(path))
         hits += [replace(hit, time_s=hit.time_s + later_s) for hit in flight.hits()]
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
@@ -158,23 +179,29 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         float(np.median(ceilings)) if ceilings else None,
         heights.floor_m,
         heights.tops(),
+        tuple(begins),
     )
     shared = _shared_walls([flight.wall_of for flight in flights], len(lines))
     return Merged(
         plan,
         tuple(
             MergedFlight(
-                each.flown.name, start, None if each.is_found else each.expected, count, begin_s
+                each.flown.name,
+                start,
+                None if each.is_found else each.expected,
+                count,
+                begin_s,
+                each.flown.rays,
+                flight.poses,
             )
-            for each, start, count, begin_s in zip(
-                joint.placed, starts, shared, begins_s, strict=True
+            for each, flight, start, count, begin_s in zip(
+                joint.placed, flights, starts, shared, begins_s, strict=True
             )
         ),
         left_out,
         joint.estimate,
         reach_m(x, project(x, m).points, found.wall_of),
-        spaces,
-        _tried(flown),
+        _tried(joint.placed, starts),
         np.concatenate(
             [_in_map(each.overhead, each, at) for each, at in zip(flown, starts, strict=True)]
         ),
@@ -182,10 +209,29 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     )
 
 
-def _tried(flown: Sequence[Flown]) -> tuple[tuple[Places, ...], ...]:
-    """Targets of all looks in each layer, each once: later flights have those of earlier ones."""
-    by_layer = zip_longest(*(each.tried for each in flown), fillvalue=())
+def _tried(placed: Sequence[Placed], starts: Sequence[Array]) -> tuple[tuple[Places, ...], ...]:
+    """Targets of all looks in each layer, each once: later flights have those of earlier ones.
+
+    A flight that knew those of earlier ones has them in the frame of its pad.
+    """
+    in_map = (
+        [
+            _moved(layer, each.expected if each.flown.knows_earlier_flights else start)
+            for layer in each.flown.tried
+        ]
+        for each, start in zip(placed, starts, strict=True)
+    )
+    by_layer = zip_longest(*in_map, fillvalue=())
     return tuple(tuple(dict.fromkeys(chain.from_iterable(layer))) for layer in by_layer)
+
+
+def _moved(tried: tuple[Places, ...], start: Array) -> tuple[Places, ...]:
+    """The targets of looks, in a frame in which their own begins at `start` (3,)."""
+    moved = []
+    for places in tried:
+        whole_mm = np.round(places_moved_to(start, np.array(places)), 3)
+        moved.append(tuple((north_m, east_m) for north_m, east_m in whole_mm.tolist()))
+    return tuple(moved)
 
 
 def _in_map(readings: Array, flown: Flown, start: Array) -> Array:

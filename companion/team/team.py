@@ -15,7 +15,7 @@ from typing import TypedDict
 
 from companion.config.team import MAX_DRONES, TeamConfig
 from companion.estimation.smoothing.state import Unknowns
-from companion.mapping.joined_grid import joined
+from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Claim, Tracing
 from companion.safety.separation import OtherDrone
@@ -33,7 +33,7 @@ from companion.team.messages import (
 )
 from companion.team.pads import pad_sigma, relative_pad
 from companion.team.sharing import OwnMap, Sharing
-from companion.team.teammate import Teammate
+from companion.team.teammate import Heard, Teammate
 
 
 class TeamView(TypedDict, total=False):
@@ -51,6 +51,7 @@ class Team:
         self._config = config
         self._instance = instance
         self._sharing = Sharing()
+        self._joined = JoinedGrid()
         self._sent = 0
         self.dropped = 0
         """Number of packets that could not be used."""
@@ -144,6 +145,11 @@ class Team:
         found = (mate.drone(now_s, other_waits=waits) for mate in everybody)
         return tuple(each for each in found if each is not None)
 
+    def heard(self, now_s: float) -> tuple[Heard, ...]:
+        """The teammates whose place is known, in the order of their numbers."""
+        heard = (mate.heard(now_s, drone) for drone, mate in self._mates.items())
+        return tuple(each for each in heard if each is not None)
+
     def view(self, now_s: float) -> TeamView:
         """What the missions know of the teammates."""
         claims = (mate.claim(now_s) for mate in self._mates.values())
@@ -155,7 +161,8 @@ class Team:
 
     def joined(self, grid: Occupancy) -> Occupancy:
         """A grid with the space that the teammates have seen."""
-        return joined(grid, [mate.grid for mate in self._mates.values() if mate.is_credible])
+        mates = [mate.grid for mate in self._mates.values() if mate.is_credible]
+        return self._joined.of(grid, mates)
 
     @property
     def received(self) -> dict[int, int]:

@@ -12,9 +12,10 @@ from collections.abc import Callable
 import numpy as np
 
 from companion.core.arrays import Array
-from companion.core.frames import Vector2, frd_to_ned, moved
+from companion.core.frames import Vector2, frd_to_ned, moved, places_moved_to, poses_moved_to
+from companion.core.values import value
 from companion.estimation.placement import refined_start
-from companion.estimation.smoothing.state import YAW, Unknowns, to_ned
+from companion.estimation.smoothing.state import YAW, Unknowns
 from companion.mapping.joined_grid import contradicted
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
@@ -73,6 +74,20 @@ ON_PAD = State(
     received={},
 )
 """State of a drone that was not heard yet: it stands on its pad."""
+
+
+@value
+class Heard:
+    """A teammate as it was heard last, in this drone's frame."""
+
+    drone: int
+    """Its number."""
+    ne_m: Vector2
+    height_m: float
+    yaw_rad: float
+    phase: str
+    battery: float
+    """Remaining charge, 0 to 1."""
 
 
 class Teammate:
@@ -241,6 +256,14 @@ class Teammate:
             other_waits if state.waits != other_waits else self._comes_first,
         )
 
+    def heard(self, now_s: float, drone: int) -> Heard | None:
+        """What it has told of itself; None if its place is unknown. `drone`: its number."""
+        state = self.state
+        if state is None or not self.is_known(now_s):
+            return None
+        place, yaw_rad = self._in_own_frame(state.ne_m), state.yaw_rad + float(self.start[YAW])
+        return Heard(drone, place, state.height_m, yaw_rad, state.phase, state.battery)
+
     def claim(self, now_s: float) -> Claim | None:
         """What it goes to look at; None if nothing, or if it is not heard any more."""
         state = self.state
@@ -263,7 +286,7 @@ class Teammate:
             track.side,
             state.is_flying and self.is_known(now_s),
             track.is_tracing and state.is_flying and self.is_heard(now_s),
-            self._placed(self._track_places),
+            places_moved_to(self.start, self._track_places),
             self._comes_first,
         )
 
@@ -271,13 +294,6 @@ class Teammate:
         north_m, east_m, yaw_rad = self.start.tolist()
         return moved((north_m, east_m), ne_m, yaw_rad)
 
-    def _placed(self, places: Array) -> Array:
-        """(n, 2): places of its frame in this drone's frame."""
-        turned_m = to_ned(places, np.full(len(places), self.start[YAW]))
-        placed: Array = self.start[:YAW] + turned_m
-        return placed
-
     def _placed_keyframes(self) -> Array:
         """(k, 3): its keyframes in this drone's frame."""
-        places = self._placed(self._keyframes[:, :YAW])
-        return np.column_stack([places, self._keyframes[:, YAW] + self.start[YAW]])
+        return poses_moved_to(self.start, self._keyframes)

@@ -74,7 +74,7 @@ def open_feed(config: Config, app: App, warn: Callable[[str], None]) -> Feed:
         raise ViewError(needs_token("view.listen =", repr(view.listen), "view.token_file"))
     token = read_token(view.token_file, "view.token_file =") if view.token_file else ""
     try:
-        return TcpFeed((host, int(port)), token, app, config.sensors.mount_offset_m, warn)
+        return TcpFeed((host, int(port)), token, app, config, warn)
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
         raise ViewError(f"view.listen = {view.listen!r}: {reason}; choose another port") from error
@@ -88,12 +88,12 @@ class TcpFeed:
         address: tuple[str, int],
         token: str,
         app: App,
-        mount_offset_m: float,
+        config: Config,
         warn: Callable[[str], None],
     ) -> None:
         self._token = token
         self._app = app
-        self._mount_offset_m = mount_offset_m
+        self._config = config
         self._warn = warn
         self._sent_s = self._sketched_s = float("-inf")
         self._lookers = 0
@@ -125,15 +125,15 @@ class TcpFeed:
             return
         self._sent_s = now_s
         try:
-            self._tell(now_s, outputs)
+            self._tell(now_s, inputs, outputs)
         except Exception as error:
             self._warn(f"the view feed is closed: {error!r}")
             self._send_away()
 
-    def _tell(self, now_s: float, outputs: Outputs) -> None:
+    def _tell(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         with_sketch = now_s - self._sketched_s >= SKETCH_PERIOD_S or outputs.finished
-        taken = snapshot(self._app, now_s, outputs, self._mount_offset_m, with_sketch=with_sketch)
-        frame = encode(taken)
+        seen = now_s, inputs, outputs
+        frame = encode(snapshot(self._app, *seen, self._config, with_sketch=with_sketch))
         with self._news:
             self._number += 1
             self._latest = LENGTH.pack(len(frame)) + frame

@@ -24,7 +24,6 @@ def replay_to(path: Path, page: Connection) -> None:
     """Replay a recording; send ten snapshots per second of flight time, then the final map."""
     recording = read(path)
     app = App(recording.config, recording.earlier)
-    mount_offset_m = recording.config.sensors.mount_offset_m
     due_s = sketch_due_s = float("-inf")
     try:
         for tick in recording.ticks:
@@ -34,7 +33,8 @@ def replay_to(path: Path, page: Connection) -> None:
             due_s = tick.now_s + PERIOD_S - 1e-6
             with_sketch = tick.now_s >= sketch_due_s
             sketch_due_s = tick.now_s + SKETCH_PERIOD_S if with_sketch else sketch_due_s
-            page.send(snapshot(app, tick.now_s, outputs, mount_offset_m, with_sketch=with_sketch))
+            seen = tick.now_s, tick.inputs, outputs
+            page.send(snapshot(app, *seen, recording.config, with_sketch=with_sketch))
         page.send(recording.plan or app.final_floor_plan())
     except (BrokenPipeError, KeyboardInterrupt):
         return

@@ -5,10 +5,12 @@ from dataclasses import field
 
 from msgspec import msgpack
 
-from companion.app import MAX_SKETCHED, App, Outputs
+from companion.app import MAX_SKETCHED, App, Inputs, Outputs
+from companion.config.settings import Config
 from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Sketch
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
+from companion.team.teammate import Heard
 
 
 @value
@@ -27,10 +29,22 @@ class Snapshot:
     """Distance of the range sensors from the drone's centre, m."""
     sketch: Sketch | None = None
     """None: unchanged since the last snapshot with a map."""
+    battery: float | None = None
+    """Remaining charge, 0 to 1; None if the autopilot does not report it."""
+    drone: int = 1
+    """Number of the drone in its team."""
+    mates: tuple[Heard, ...] = ()
+    """The teammates that are heard."""
 
 
 def snapshot(
-    app: App, now_s: float, outputs: Outputs, mount_offset_m: float, *, with_sketch: bool
+    app: App,
+    now_s: float,
+    inputs: Inputs,
+    outputs: Outputs,
+    config: Config,
+    *,
+    with_sketch: bool,
 ) -> Snapshot:
     """Take a snapshot after a tick; the map is included if `with_sketch`."""
     flight = outputs.flight
@@ -42,8 +56,11 @@ def snapshot(
         outputs.pose,
         _bias_rad_s(app.estimator),
         outputs.scan.readings,
-        mount_offset_m,
+        config.sensors.mount_offset_m,
         app.sketch() if with_sketch else None,
+        inputs.telemetry.vehicle.battery,
+        config.team.drone,
+        app.team.mates.heard(now_s) if app.team else (),
     )
 
 

@@ -189,7 +189,10 @@ def surveys(
     autopilot: Annotated[Autopilot, typer.Option(help="Emulated firmware.")] = (
         Autopilot.ARDUPILOT
     ),
-    sorties: Annotated[int, typer.Option(help="Most flights of a survey.", min=2)] = 6,
+    sorties: Annotated[int, typer.Option(help="Most sorties of a survey.", min=1)] = 6,
+    drones: Annotated[
+        int, typer.Option(help="Drones that fly together.", min=1, max=MAX_DRONES)
+    ] = 1,
     battery_s: Battery = 600.0,
     crop: Crop = None,
     clutter: Annotated[float, typer.Option(help="Clutter in every world.", min=0, max=1)] = 0.0,
@@ -222,7 +225,7 @@ def surveys(
         battery_s=battery_s,
         clutters=[clutter],
     )
-    jobs = [SurveyJob(job, sorties, single) for job in from_first_starts(flights)]
+    jobs = [SurveyJob(job, sorties, single, drones) for job in from_first_starts(flights)]
     ended: list[SurveyFlown] = []
 
     def progress_text(flown: "SurveyFlown") -> str:

@@ -34,6 +34,8 @@ class SurveyJob:
     """Most flights."""
     is_compared: bool = False
     """Fly the world also in one flight, with the battery of all of them."""
+    drones: int = 1
+    """Drones that fly together."""
 
     @property
     def key(self) -> Report:
@@ -76,16 +78,17 @@ def _fly(job: SurveyJob) -> SurveyFlown:
     settings = job.first.options.settings(load_mission(job.first.mission).settings)
     told: list[str] = []
     began_s = time.monotonic()
-    sorties = Sorties(setup, settings, missions.ignore, tell=told.append)
+    sorties = Sorties(setup, settings, missions.ignore, tell=told.append, drones=job.drones)
     flights = list(sorties.fly(job.sorties))
     if not flights:
         return lost(job, "; ".join(told))
     last = flights[-1]
-    rows = tuple(each.flight for each in flights)
+    rows = tuple(row for each in flights for row in each.rows)
     row: Report = {
         **last.joint,
         **job.key,
         "lost": False,
+        "drones": job.drones,
         "flights": len(rows),
         "away": sum(return_m(each) > HOME_M for each in rows),
         "waited_s": round(time.monotonic() - began_s, 1),
@@ -136,7 +139,7 @@ def sum_up(surveys: Sequence[SurveyFlown]) -> dict[str, Any]:
 _COLUMNS = (
     ("flights", "{flights}"),
     ("hits", "{collisions}"),
-    ("coverage by flight", "{by_flight}"),
+    ("coverage by sortie", "{by_flight}"),
     ("walls\ncm", "{wall_error_aligned_cm:.1f}"),
     ("single\ncm", "{single_wall_error_aligned_cm:.1f}"),
     ("single\ncoverage", "{single_coverage:.0%}"),
@@ -152,7 +155,8 @@ def survey_table(result: dict[str, Any]) -> Table:
 
 
 def _by_flight(row: dict[str, Any]) -> dict[str, Any]:
-    return {"by_flight": " ".join(f"{each['coverage']:.2f}" for each in row["sorties"])}
+    by_sortie = {each.get("sortie", each["flight"]): each["coverage"] for each in row["sorties"]}
+    return {"by_flight": " ".join(f"{coverage:.2f}" for coverage in by_sortie.values())}
 
 
 def failed(surveys: Sequence[SurveyFlown]) -> Iterator[str]:

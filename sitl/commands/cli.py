@@ -320,14 +320,14 @@ def fly(
     reported: dict[str, object] = {}
     if then and sorties == 1:
         raise SitlError("--then needs --sorties: the world changes between two flights")
-    if sorties > 1 and team > 1:
-        raise SitlError("--sorties and --team cannot be combined")
     if sorties > 1:
         if transport is not Transport.DIRECT or flown.events:
             raise SitlError("--sorties needs --transport direct, and a mission without events")
         from sitl.running.sorties import fly_survey  # noqa: PLC0415
 
-        survey = fly_survey(options, settings, sorties, then=then, out=out, console=console)
+        survey = fly_survey(
+            options, settings, sorties, drones=team, then=then, out=out, console=console
+        )
         result, reported = survey.joint, survey.as_json()
         outputs += [partial(save, survey.merged.plan, out)] if out else []
     elif team > 1:

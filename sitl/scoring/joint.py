@@ -1,10 +1,20 @@
 """Joins the true flights of a survey or a team, for the scores of their joint map."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from companion.survey.merge import Merged
-from sitl.simulation.record import TruthRecord
+from sitl.scoring.report import Outcome as OneOutcome
+from sitl.simulation.record import AIRBORNE_M, TruthRecord
+
+
+class Outcome:
+    """How flights at the same time ended."""
+
+    def __init__(self, flights: Sequence[OneOutcome]) -> None:
+        self.completed = all(flight.completed for flight in flights)
+        self.ending = "; ".join(dict.fromkeys(flight.ending for flight in flights))
 
 
 def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
@@ -21,6 +31,23 @@ def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
         for state in truth.path
     ]
     return joint
+
+
+def airborne_s(truths: Sequence[TruthRecord]) -> float:
+    """Time from the first take-off of several drones to the last landing, s."""
+    airborne = [
+        state.time_s
+        for truth in truths
+        for state in truth.path
+        if -state.position_ned_m[2] > AIRBORNE_M
+    ]
+    return max(airborne, default=0.0) - min(airborne, default=0.0)
+
+
+def apart_m(truths: Sequence[TruthRecord]) -> float | None:
+    """Smallest distance between two drones in the air, m; None if no two were in the air."""
+    each_m = [truth.apart_m for truth in truths if truth.apart_m is not None]
+    return round(min(each_m), 4) if each_m else None
 
 
 def return_m(truth: TruthRecord) -> float:

@@ -10,9 +10,9 @@ from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
 from companion.team.pads import pad_sigma, relative_pad
 from sitl.core.errors import SitlError
-from sitl.scoring.joint import return_m, together
+from sitl.scoring.joint import Outcome, airborne_s, apart_m, return_m, together
 from sitl.scoring.report import Report, make_report
-from sitl.simulation.record import AIRBORNE_M, TruthRecord
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.simulation.team import TeamFlight
 
@@ -71,54 +71,45 @@ def scored_together(
     Raises:
         SitlError: no flight can be made into a map.
     """
-    team = config.team
-    flown, truths = [], [drone.truth for drone in drones]
-    given = {}
-    for number, (drone, pad) in enumerate(zip(drones, team.pads, strict=True), 1):
-        if drone.app is None:
-            continue
-        name = f"flight {number}"
-        try:
-            flown.append(Flown.of(name, drone.app))
-        except SurveyError:
-            continue
-        given[name] = relative_pad(team.pads[0], pad)
-    if not flown:
-        raise SitlError("no flight of the team can be made into a map")
-    merged = merge(flown, Starts(pad_sigma(team), given))
+    truths = [drone.truth for drone in drones]
+    merged = merged_flights([config], [drone.app for drone in drones])
     joint = make_report(
         setup,
         config,
         merged.plan,
         together(truths, merged),
-        outcome=_Outcome(drones),
+        outcome=Outcome(drones),
         waited_s=waited_s,
     )
     joint["return_m"] = round(max(map(return_m, truths)), 4)
-    joint["flight_time_s"] = round(_airborne_s(truths), 4)
-    apart_m = [truth.apart_m for truth in truths if truth.apart_m is not None]
-    joint["apart_m"] = round(min(apart_m), 4) if apart_m else None
+    joint["flight_time_s"] = round(airborne_s(truths), 4)
+    joint["apart_m"] = apart_m(truths)
     rows = [_row(number, drone) for number, drone in enumerate(drones, 1)]
     return TeamResult(joint, rows, merged)
 
 
-class _Outcome:
-    """How the flight of the team ended."""
+def merged_flights(configs: Sequence[Config], apps: Sequence[App | None]) -> Merged:
+    """Make the joint map; the flight of the first drone is "flight 1".
 
-    def __init__(self, drones: Sequence[FlownDrone]) -> None:
-        self.completed = all(drone.completed for drone in drones)
-        self.ending = "; ".join(dict.fromkeys(drone.ending for drone in drones))
+    `apps`: None for a drone that recorded nothing.
 
-
-def _airborne_s(truths: Sequence[TruthRecord]) -> float:
-    """Time from the first take-off to the last landing, s."""
-    airborne = [
-        state.time_s
-        for truth in truths
-        for state in truth.path
-        if -state.position_ned_m[2] > AIRBORNE_M
-    ]
-    return max(airborne, default=0.0) - min(airborne, default=0.0)
+    Raises:
+        SitlError: no flight can be made into a map.
+    """
+    team = configs[0].team
+    flown, given = [], {}
+    for number, (app, pad) in enumerate(zip(apps, team.pads, strict=True), 1):
+        name = f"flight {number}"
+        if app is None:
+            continue
+        try:
+            flown.append(Flown.of(name, app))
+        except SurveyError:
+            continue
+        given[name] = relative_pad(team.pads[0], pad)
+    if not flown:
+        raise SitlError("no flight of the team can be made into a map")
+    return merge(flown, Starts(pad_sigma(team), given))
 
 
 def _row(number: int, drone: FlownDrone) -> Report:

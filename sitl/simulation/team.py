@@ -1,5 +1,7 @@
 """Flies a team in lockstep: all drones in one world, on one virtual clock, in one process.
 
+A single drone flies as in `lockstep.py`.
+
     drone 1: autopilot, sensors ◄──► companion ◄─┐
     drone 2: autopilot, sensors ◄──► companion ◄─┼─► simulated radio
     ...                                          │
@@ -12,6 +14,7 @@ from dataclasses import dataclass
 
 from companion.app import App, Progress
 from companion.config.settings import Config
+from companion.earlier import EarlierFlights
 from companion.link.transports.transport import direct_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.run.hardware import make_rig
@@ -65,13 +68,18 @@ def fly_team_in_lockstep(
     *,
     script: Script = no_script,
     recorders: Sequence[Recorder] = (),
+    earlier: Sequence[EarlierFlights | None] = (),
     radio_errors: LinkErrors = USUAL_ERRORS,
+    land_requested: Callable[[], bool] = lambda: False,
 ) -> TeamFlight:
-    """Fly until the last drone has ended; each drone has a setup and a configuration."""
+    """Fly until the last drone has ended; each drone has a setup and a configuration.
+
+    `earlier`: what each drone knows from the flights before, if anything.
+    """
     pairs = [direct_pair(setup.system_id) for setup in setups]
     fleet = Fleet(setups, [[ours] for ours, _ in pairs], keep_nothing)
     air = TeamAir(setups[0].seed, len(setups), lambda: fleet.time_s, radio_errors)
-    apps = tuple(App(config) for config in configs)
+    apps = tuple(map(App, configs, earlier or [None] * len(configs)))
     recorders = recorders or [NOT_RECORDED] * len(setups)
     loops: list[ControlLoop] = []
     for number, (app, config, vehicle) in enumerate(
@@ -80,7 +88,8 @@ def fly_team_in_lockstep(
         link = recorders[number].tap(pairs[number][1])
         wires = on_virtual_time(vehicle.board.bus)
         rig = make_rig(config, link, wires, _Clock(vehicle), air.radios[number])
-        loops.append(ControlLoop(app, rig, _watch_of(watch, number), record=recorders[number].tick))
+        record = recorders[number].tick
+        loops.append(ControlLoop(app, rig, _watch_of(watch, number), land_requested, record))
     due_s: dict[int, float] = dict.fromkeys(range(len(loops)), 0.0)
     while due_s:
         number = min(due_s, key=lambda each: (due_s[each], each))

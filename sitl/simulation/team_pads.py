@@ -31,19 +31,21 @@ PAD_CLEAR_M = 0.25
 
 
 def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup], list[Config]]:
-    """A setup and a configuration for each drone.
+    """A setup and a configuration for each drone; a single one flies without a team.
 
     Raises:
         SitlError: there is no place for a pad.
         ConfigError: the mission is not one that so many drones divide.
     """
+    if drones == 1:
+        return [setup], [settings]
     pads = team_pads(setup, settings.mission.height_m, drones)
     configs = []
     for number in range(drones):
         team = TEAM.model_copy(update={"drone": number + 1, "pads": pads})
         link = settings.link.model_copy(update={"system_id": settings.link.system_id + number})
-        own = {"team": team.model_dump(), "link": link.model_dump(exclude_defaults=True)}
-        values = settings.model_dump(exclude_defaults=True) | own
+        own = {"team": team.model_dump(), "link": link.model_dump()}
+        values = settings.model_dump() | own
         configs.append(validated(Config, values, f"--team {drones}"))
     return setups_on_pads(setup, pads), configs
 

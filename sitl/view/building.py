@@ -1,10 +1,10 @@
-"""Draws the true side of the scene: the building, and the drone's true pose."""
+"""Draws the true side of the scene: the building, and the drones' true poses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import trimesh
-from viser import MeshHandle, ViserServer
+from viser import MeshHandle, SceneApi, ViserServer
 
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeReading
@@ -14,9 +14,11 @@ from companion.view.scene.shapes import (
     Drone,
     Trail,
     Upright,
+    drone_colour,
     to_scene,
 )
 from sitl.core.truth import TrueState
+from sitl.view.flight_messages import SeenDrone
 from sitl.world.format import Segment, World
 
 WALL_COLOUR = (108, 117, 125)
@@ -24,8 +26,6 @@ BORDER_COLOUR = (200, 85, 61)
 BORDER_OPACITY = 0.3
 """Opacity of a wall at the border to the unknown."""
 BOX_COLOUR = (176, 164, 148)
-PATH_COLOUR = (231, 111, 81)
-DRONE_COLOUR = (61, 64, 91)
 """Colours, also those above, RGB, 0 to 255. Chosen."""
 
 
@@ -41,14 +41,13 @@ class TrueSide:
         self._border = Upright(scene, f"{name}/border", opacity=BORDER_OPACITY)
         self._boxes = Upright(scene, f"{name}/boxes")
         self._mesh: MeshHandle | None = None
-        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
-        self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
+        self._drones: list[_TrueDrone] = []
 
     def hide(self, *, hidden: bool) -> None:
         self._frame.visible = not hidden
 
     def build(self, world: World) -> None:
-        """Show another building, without a drone."""
+        """Show another building, without drones."""
         panels = [panel for panel in world.panels if panel.bottom_m < SHOWN_HEIGHT_M]
         self._walls.show(
             [(panel.start, panel.end) for panel in panels],
@@ -69,7 +68,7 @@ class TrueSide:
             BOX_COLOUR,
         )
         self._build_mesh(world)
-        self.restart()
+        self.stand(())
 
     def _build_mesh(self, world: World) -> None:
         """Show an imported mesh without its part above the cut."""
@@ -91,14 +90,38 @@ class TrueSide:
                 cast_shadow=False,
             )
 
-    def restart(self) -> None:
+    def stand(self, take_offs: Sequence[TrueState]) -> None:
+        """Show these drones where they take off, and no others."""
+        for number in range(len(self._drones), len(take_offs)):
+            self._drones.append(_TrueDrone(self._scene, self._name, number))
+        for drone in self._drones:
+            drone.hide()
+        for drone, take_off in zip(self._drones, take_offs, strict=False):
+            drone.show(take_off, {}, 0.0)
+
+    def show(self, seen: Sequence[SeenDrone]) -> None:
+        """Show the drones at their true poses, with their range readings."""
+        for drone, each in zip(self._drones, seen, strict=False):
+            snapshot = each.snapshot
+            drone.show(each.truth, snapshot.readings, snapshot.mount_offset_m)
+
+
+class _TrueDrone:
+    """One drone and its true path."""
+
+    def __init__(self, scene: SceneApi, name: str, number: int) -> None:
+        """`name`: of the side; `number`: of the drone, from 0."""
+        colour = drone_colour(number)
+        self._path = Trail(scene, f"{name}/path {number + 1}", colour)
+        self._drone = Drone(scene, f"{name}/drone {number + 1}", colour)
+
+    def hide(self) -> None:
         self._path.show([])
         self._drone.hide()
 
     def show(
         self, truth: TrueState, readings: Mapping[Beam, RangeReading], mount_offset_m: float
     ) -> None:
-        """Show the drone at its true pose, with its range readings."""
         here = truth.position_ned_m
         self._drone.move(here, truth.yaw_rad)
         self._drone.look(readings, mount_offset_m)

@@ -11,6 +11,7 @@ from viser import (
 )
 
 from companion.config.settings import MISSION_KINDS, STANDOFFS
+from companion.config.team import TEAM_DRONES
 from companion.core.messages import Beam
 from companion.export.write import FORMATS
 from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
@@ -27,6 +28,7 @@ MODES = {
 }
 FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
 THROTTLES = tuple(throttle.value for throttle in Throttle)
+ADD, REMOVE = "Add UAV", "Remove UAV"
 FAST = 1000.0
 """Factor of real time that stands for as fast as possible. Chosen."""
 SPEEDS = {"¼ ×": 0.25, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0, "all": FAST}
@@ -47,6 +49,7 @@ class Controls:
             )
             self.open = gui.add_button("Open")
         with gui.add_folder("Flight"):
+            self.uavs = gui.add_button_group("UAVs", (ADD, REMOVE), hint="Before take-off")
             self.start = gui.add_button("Start", color="teal")
             self.time = gui.add_button_group("time", ("Pause", "Resume", "Step"))
             self.speed: GuiDropdownHandle[str] = gui.add_dropdown(
@@ -110,7 +113,12 @@ class Controls:
         self.mode.options = MODES[self.autopilot.value]
         self.mode.value = FIRST_MODE[self.autopilot.value]  # type: ignore[misc]
 
-    def request(self, world: str) -> FlightRequest:
+    @property
+    def most_drones(self) -> int:
+        """Most drones that fly the selected mission together."""
+        return TEAM_DRONES.get(self.mission.value, 1)
+
+    def request(self, world: str, drones: int) -> FlightRequest:
         """The flight that the controls select.
 
         Raises:
@@ -127,19 +135,18 @@ class Controls:
             self.mission.value,
             _standoff(self.standoff.value),
             self.flight_speed.value,
+            drones,
         )
 
     @property
     def times_real_time(self) -> float:
         return SPEEDS[self.speed.value]
 
-    @property
-    def fault_to_inject(self) -> Inject:
-        return Inject(self.fault.value, self.beam.value, self.lasts.value or None)
+    def fault_to_inject(self, drone: int) -> Inject:
+        return Inject(drone, self.fault.value, self.beam.value, self.lasts.value or None)
 
-    @property
-    def mode_to_take(self) -> TakeOver:
-        return TakeOver(self.mode.value, self.throttle.value)
+    def mode_to_take(self, drone: int) -> TakeOver:
+        return TakeOver(drone, self.mode.value, self.throttle.value)
 
 
 def _standoff(text: str) -> float | str:

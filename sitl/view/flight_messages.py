@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from companion.core.messages import FloorPlan
 from companion.view.snapshot import Snapshot
 from sitl.core.truth import TrueState
-from sitl.scoring.report import Report
 from sitl.view.request import FlightRequest
 
 
@@ -39,13 +38,14 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Land:
-    """Request the companion to end its flight."""
+    """Request every companion to end its flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class TakeOver:
-    """Set the pilot's mode switch and throttle stick, "low" or "mid"."""
+    """Set the pilot's mode switch and throttle stick, "low" or "mid", of one drone, from 0."""
 
+    drone: int
     mode: str
     throttle: str = "low"
 
@@ -54,6 +54,7 @@ class TakeOver:
 class Inject:
     """Inject a fault by its name in `faults.FAULTS`; `for_s` None is permanent."""
 
+    drone: int
     fault: str
     beam: str
     for_s: float | None
@@ -63,17 +64,24 @@ Order = Begin | GiveUp | Pace | Step | Land | TakeOver | Inject
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """One moment: the companion's snapshot and the truth."""
+class SeenDrone:
+    """One drone: its companion's snapshot and the truth."""
 
-    flight: int
     snapshot: Snapshot
     truth: TrueState
     clearance_m: float
     """Smallest clearance so far, m."""
     collisions: int
-    battery: float
-    """Remaining charge, 0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One moment of all drones."""
+
+    flight: int
+    time_s: float
+    """Time of the flight, s."""
+    drones: tuple[SeenDrone, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +93,14 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The flight has ended; its final map and report."""
+    """The flight of the last drone has ended; the final map."""
 
     flight: int
-    ending: str
+    endings: tuple[str, ...]
+    """Of each drone."""
     plan: FloorPlan
-    report: Report
+    drones: tuple[int, ...]
+    """Number of the drone, from 0, of each path in `plan`; the map is in the frame of the first."""
 
 
 News = Seen | Refused | Ended

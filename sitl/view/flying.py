@@ -1,18 +1,22 @@
 """Flies in a separate process: in lockstep, paced, with orders from the page."""
 
 import time
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
 from companion.app import App, Inputs, Outputs, Progress
 from companion.config.settings import Config
 from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
-from companion.link.transports.transport import Transport
+from companion.recording.recorder import NotRecorded
 from companion.view.snapshot import snapshot
 from sitl.core.errors import SitlError
-from sitl.scoring.report import make_report
-from sitl.simulation.lockstep import Script, fly_in_lockstep
+from sitl.scoring.team_report import merged_flights
+from sitl.simulation.fleet import Fleet
 from sitl.simulation.simulation import Simulation
+from sitl.simulation.team import fly_team_in_lockstep
+from sitl.simulation.team_radio import TeamAir
+from sitl.testing.actions.action import Action
 from sitl.testing.actions.vehicle import pilot_mode
 from sitl.testing.script import Event, Play
 from sitl.view.faults import FAULTS
@@ -26,10 +30,12 @@ from sitl.view.flight_messages import (
     Pace,
     Refused,
     Seen,
+    SeenDrone,
     Step,
     TakeOver,
 )
 from sitl.view.outbox import Outbox
+from sitl.world.loading import load_world
 
 SEEN_PERIOD_S = 0.05
 """Shortest period of the reports, wall time, s."""
@@ -63,17 +69,15 @@ def serve(orders: Connection) -> None:
 
 def _fly(order: Begin, orders: Connection, outbox: Outbox) -> Begin | None:
     """Fly one flight; return the next order if one arrived during it."""
-    began_s = time.monotonic()
     try:
-        config = order.request.config()
-        setup = order.request.setup(config)
-        flight = PacedFlight(order, orders, outbox, config)
-        app, simulation = fly_in_lockstep(
-            setup,
-            config,
+        setups, configs = order.request.setups(load_world(order.request.world))
+        flight = PacedFlight(order, orders, outbox, configs)
+        flown = fly_team_in_lockstep(
+            setups,
+            configs,
             _ignore,
             script=flight.before_tick,
-            recorder=flight,
+            recorders=flight.recorders,
             land_requested=lambda: flight.is_to_land,
         )
     except _GivenUpError as given_up:
@@ -81,43 +85,71 @@ def _fly(order: Begin, orders: Connection, outbox: Outbox) -> Begin | None:
     except (SitlError, CompanionError) as error:
         outbox.put(Refused(str(error)))
         return None
-    plan = app.final_floor_plan()
-    waited_s = time.monotonic() - began_s
-    truth = simulation.record
-    report = make_report(setup, config, plan, truth, outcome=app.flight, waited_s=waited_s)
-    outbox.put(Ended(order.flight, app.flight.ending, plan, report))
+    endings = tuple(app.flight.ending for app in flown.apps)
+    outbox.put(Ended(order.flight, endings, *_final_map(configs, flown.apps)))
     return None
 
 
-def _ignore(progress: Progress) -> None:
-    """Ignore the progress: the page gets it from the flight's recorder."""
+def _ignore(number: int, progress: Progress) -> None:
+    """Ignore the progress: the page gets it from the flight's recorders."""
+
+
+def _final_map(configs: Sequence[Config], apps: Sequence[App]) -> tuple[FloorPlan, tuple[int, ...]]:
+    """The map of all flights, and the drone of each path in it."""
+    if len(apps) == 1:
+        return apps[0].final_floor_plan(), (0,)
+    try:
+        merged = merged_flights(configs, apps)
+    except SitlError:  # no drone has flown
+        return FloorPlan(), ()
+    drones = tuple(int(flight.name.split()[-1]) - 1 for flight in merged.flights)
+    return merged.plan, drones
+
+
+class _DroneRecorder(NotRecorded):
+    """Passes on each tick of one drone."""
+
+    def __init__(self, flight: "PacedFlight", number: int) -> None:
+        self._flight, self._number = flight, number
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        self._flight.record(self._number, now_s, inputs, outputs)
 
 
 class PacedFlight:
     """Paces a flight, executes orders, and reports to the page."""
 
-    def __init__(self, begin: Begin, orders: Connection, outbox: Outbox, config: Config) -> None:
+    def __init__(
+        self, begin: Begin, orders: Connection, outbox: Outbox, configs: Sequence[Config]
+    ) -> None:
         self._flight = begin.flight
         self._orders = orders
         self._outbox = outbox
-        self._mount_offset_m = config.sensors.mount_offset_m
-        self._scripts: list[Script] = []
-        self._parts: tuple[Simulation, App] | None = None
-        self._latest: tuple[float, Outputs] | None = None
+        self._configs = configs
+        self._scripts: list[tuple[int, Play]] = []
+        """Number of the drone, and what happens to it."""
+        self._parts: list[tuple[Simulation, App]] = []
+        self._latest: dict[int, tuple[float, Inputs, Outputs]] = {}
+        """Latest tick of each drone."""
+        self._ticked_s = float("-inf")
         self._is_stepping = False
         self._seen_wall_s = self._sketched_wall_s = self._sketched_s = float("-inf")
         self.is_to_land = False
         self._pace(begin.speed, 0.0)
+        self.recorders = [_DroneRecorder(self, number) for number in range(len(configs))]
 
-    # Before each tick: a script of `lockstep`.
+    # Before each tick: a script of `simulation.team`.
 
-    def before_tick(self, simulation: Simulation, app: App) -> None:
-        self._parts = simulation, app
-        while self._orders.poll(self._wait_s(simulation.time_s)):
-            self._execute(self._orders.recv(), simulation)
+    def before_tick(self, fleet: Fleet, apps: Sequence[App], air: TeamAir) -> None:
+        if fleet.time_s <= self._ticked_s:
+            return  # another drone's tick at the same time
+        self._ticked_s = fleet.time_s
+        self._parts = list(zip(fleet.vehicles, apps, strict=True))
+        while self._orders.poll(self._wait_s(fleet.time_s)):
+            self._execute(self._orders.recv(), fleet.time_s)
         self._is_stepping = False
-        for script in self._scripts:
-            script(simulation, app)
+        for drone, play in self._scripts:
+            play(*self._parts[drone])
 
     def _wait_s(self, time_s: float) -> float | None:
         """Time to wait for orders before the tick, s; None: until there is one."""
@@ -132,60 +164,58 @@ class PacedFlight:
         self._speed = speed
         self._since_s, self._since_wall_s = time_s, time.monotonic()
 
-    def _execute(self, order: Order, simulation: Simulation) -> None:
+    def _execute(self, order: Order, time_s: float) -> None:
         match order:
             case Begin():
                 raise _GivenUpError(order)
             case GiveUp():
                 raise _GivenUpError(None)
             case Pace(speed):
-                self._pace(speed, simulation.time_s)
+                self._pace(speed, time_s)
                 self._report()
             case Step():
-                self._pace(0.0, simulation.time_s)
+                self._pace(0.0, time_s)
                 self._is_stepping = True
             case Land():
                 self.is_to_land = True
-            case TakeOver(mode, throttle):
-                self._scripts.append(Play([Event(_at_once, pilot_mode(mode, throttle))]))
-            case Inject(fault, beam, for_s):
-                action = FAULTS[fault](simulation, beam, for_s)
-                self._scripts.append(Play([Event(_at_once, action)]))
+            case TakeOver(drone, mode, throttle):
+                self._add(drone, pilot_mode(mode, throttle))
+            case Inject(drone, fault, beam, for_s):
+                simulation, _ = self._parts[drone]
+                self._add(drone, FAULTS[fault](simulation, beam, for_s))
 
-    # After each tick: a recorder as in `recording`.
+    def _add(self, drone: int, action: Action) -> None:
+        self._scripts.append((drone, Play([Event(_at_once, action)])))
 
-    def tap(self, transport: Transport) -> Transport:
-        return transport
+    # After each tick
 
-    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        self._latest = now_s, outputs
+    def record(self, number: int, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        self._latest[number] = now_s, inputs, outputs
         is_due = time.monotonic() - self._seen_wall_s >= SEEN_PERIOD_S
         if is_due or self._speed == 0 or outputs.finished:
             self._report()
 
-    def close(self, plan: FloorPlan) -> None:
-        """Do nothing: the map goes to the page with the report."""
-
     def _report(self) -> None:
-        if self._parts is None or self._latest is None:
+        """Report the latest tick of every drone, once each has had one."""
+        if len(self._latest) < len(self._configs):
             return
-        (simulation, app), (now_s, outputs) = self._parts, self._latest
         wall_s = self._seen_wall_s = time.monotonic()
         with_sketch = (
             wall_s - self._sketched_wall_s >= SKETCH_PERIOD_S
-            and now_s - self._sketched_s >= FLOWN_SKETCH_PERIOD_S
+            and self._ticked_s - self._sketched_s >= FLOWN_SKETCH_PERIOD_S
         )
         if with_sketch:
-            self._sketched_wall_s, self._sketched_s = wall_s, now_s
-        self._outbox.put(
-            Seen(
-                self._flight,
-                snapshot(app, now_s, outputs, self._mount_offset_m, with_sketch=with_sketch),
-                simulation.autopilot.truth,
-                simulation.record.clearance_m,
-                simulation.record.collisions,
-                simulation.autopilot.battery,
-            )
+            self._sketched_wall_s, self._sketched_s = wall_s, self._ticked_s
+        drones = (self._seen(number, with_sketch=with_sketch) for number in sorted(self._latest))
+        self._outbox.put(Seen(self._flight, self._ticked_s, tuple(drones)))
+
+    def _seen(self, number: int, *, with_sketch: bool) -> SeenDrone:
+        (simulation, app), latest = self._parts[number], self._latest[number]
+        return SeenDrone(
+            snapshot(app, *latest, self._configs[number], with_sketch=with_sketch),
+            simulation.autopilot.truth,
+            simulation.record.clearance_m,
+            simulation.record.collisions,
         )
 
 

@@ -30,14 +30,17 @@ class LiveScore:
         self._height_m = height_m
         self._take_off = take_off
         self._on_score = on_score
-        self._walls: tuple[WallSegment, ...] | None = None
+        self._latest: tuple[tuple[WallSegment, ...], TrueState] | None = None
         self._is_over = False
         self._change = threading.Condition()
         threading.Thread(target=self._work, daemon=True).start()
 
-    def update(self, walls: tuple[WallSegment, ...]) -> None:
+    def update(self, walls: tuple[WallSegment, ...], take_off: TrueState) -> None:
+        """Score these walls; their frame is that of `take_off`."""
+        if not walls:
+            return
         with self._change:
-            self._walls = walls
+            self._latest = walls, take_off
             self._change.notify()
 
     def end(self) -> None:
@@ -50,18 +53,19 @@ class LiveScore:
         north, east, _ = self._take_off.position_ned_m
         observable = observable_points(self._world, self._height_m, (north, east))
         closed = self._world.closed_border
-        while (walls := self._next()) is not None:
+        while (latest := self._next()) is not None:
             began_s = time.monotonic()
-            score = score_map(FloorPlan(walls), surfaces, observable, self._take_off, closed)
+            walls, take_off = latest
+            score = score_map(FloorPlan(walls), surfaces, observable, take_off, closed)
             if not self._is_over:
                 self._on_score(score)
             self._rest(max(MIN_REST_S, REST_SHARE * (time.monotonic() - began_s)))
 
-    def _next(self) -> tuple[WallSegment, ...] | None:
+    def _next(self) -> tuple[tuple[WallSegment, ...], TrueState] | None:
         with self._change:
-            self._change.wait_for(lambda: self._is_over or self._walls)
-            walls, self._walls = self._walls, None
-            return None if self._is_over else walls
+            self._change.wait_for(lambda: self._is_over or self._latest)
+            latest, self._latest = self._latest, None
+            return None if self._is_over else latest
 
     def _rest(self, rest_s: float) -> None:
         with self._change:

@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
-from sitl.view.flight_messages import News, Seen
+from sitl.view.flight_messages import News, Seen, SeenDrone
 
 
 class Outbox:
@@ -39,7 +39,14 @@ class Outbox:
 
 
 def later(first: Seen | None, second: Seen) -> Seen:
-    """The second moment, with the first one's map if it has none."""
-    if second.snapshot.sketch is not None or first is None or first.flight != second.flight:
+    """The second moment, with the first one's map of each drone that has none."""
+    if first is None or first.flight != second.flight:
+        return second
+    pairs = zip(first.drones, second.drones, strict=True)
+    return replace(second, drones=tuple(_with_map(*pair) for pair in pairs))
+
+
+def _with_map(first: SeenDrone, second: SeenDrone) -> SeenDrone:
+    if second.snapshot.sketch is not None:
         return second
     return replace(second, snapshot=replace(second.snapshot, sketch=first.snapshot.sketch))

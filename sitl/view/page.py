@@ -8,8 +8,8 @@ scores ─────────────┘                └──► or
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 from companion.config.settings import Config
 from companion.core.errors import CompanionError
@@ -18,16 +18,13 @@ from companion.core.messages import FloorPlan
 from companion.view import downloads
 from companion.view.access.act_queue import ActQueue, Event
 from companion.view.access.server import PageServer
-from companion.view.scene.camera import PANEL_PX, Framing
-from companion.view.scene.instruments import PERIOD_S, Instruments
-from companion.view.scene.mapped import MappedSide
-from companion.view.snapshot import sketch_of
+from companion.view.scene.camera import PANEL_PX
+from companion.view.scene.instruments import PERIOD_S, Instruments, Member
 from sitl.core.errors import SitlError
 from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
-from sitl.view.building import TrueSide
-from sitl.view.controls import Controls
+from sitl.view.controls import ADD, Controls
 from sitl.view.flight_messages import (
     Begin,
     Ended,
@@ -38,11 +35,13 @@ from sitl.view.flight_messages import (
     Pace,
     Refused,
     Seen,
+    SeenDrone,
     Step,
 )
 from sitl.view.flight_process import FlightProcess
 from sitl.view.live_score import LiveScore
 from sitl.view.outbox import later
+from sitl.view.sides import Sides
 from sitl.world.format import World
 from sitl.world.loading import load_world
 
@@ -50,12 +49,7 @@ NUMBERS_PERIOD_S = 0.2
 """Period of the numbers, s."""
 REMEMBERED = 1500
 """Moments kept: more than a minute at 20 Hz."""
-BETWEEN_M = 2.5
-"""Distance between the true building and the map, m."""
-LABELS_M = 2.4
-"""Distance of a side's label to the north of it, m."""
-NAME_SCALE = 1.8
-"""Size of a side's label relative to viser's default. Chosen."""
+SELECTED = "The instruments show it; faults and the pilot's switch are for it"
 SPEED_OVER_S = 2.0
 """Time over which the speed is measured, s."""
 
@@ -65,7 +59,8 @@ class Shown:
     """The flight on the page."""
 
     config: Config
-    take_off: TrueState
+    take_offs: Sequence[TrueState]
+    """Of each drone."""
     scoring: LiveScore
     seen: deque[tuple[float, Seen]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
     """Moments with their wall time, s."""
@@ -88,16 +83,15 @@ class Page:
         self._pending_lock = threading.Lock()
         self._shown_wall_s = self._plotted_wall_s = 0.0
         self._is_unshown = self._is_unplotted = False
-        self._framing = Framing(server, *first.bounds)
         self._flights = 0
         self._shown: Shown | None = None
-        self._true_side = TrueSide(server)
-        self._mapped_side = MappedSide(server)
+        self._sides = Sides(server, first)
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
         self._controls = Controls(server.gui)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
+            self._selector = server.gui.add_dropdown("drone", ("1",), hint=SELECTED)
             self._instruments = Instruments(server.gui)
         panel.dock_right()
         panel.set_width(PANEL_PX)
@@ -120,38 +114,59 @@ class Page:
         controls, pressed = self._controls, self._turns.pressed
         controls.worlds.on_click(pressed(lambda: self._open_world(controls.worlds.value)))
         controls.open.on_click(pressed(lambda: self._open_world(controls.file.value.strip())))
+        controls.uavs.on_click(pressed(self._add_or_remove))
+        controls.mission.on_update(pressed(self._prepare_again))
+        controls.seed.on_update(pressed(self._prepare_again))
+        self._selector.on_update(pressed(self._select))
         controls.start.on_click(pressed(self._start))
         controls.time.on_click(pressed(self._change_time))
         controls.speed.on_update(pressed(self._change_speed))
         controls.stop.on_click(pressed(self._stop))
-        controls.take_over.on_click(pressed(lambda: self._order(controls.mode_to_take)))
-        controls.inject.on_click(pressed(lambda: self._order(controls.fault_to_inject)))
+        controls.take_over.on_click(
+            pressed(lambda: self._order(controls.mode_to_take(self._selected)))
+        )
+        controls.inject.on_click(
+            pressed(lambda: self._order(controls.fault_to_inject(self._selected)))
+        )
         controls.hide_truth.on_update(pressed(self._hide_truth))
         controls.exaggeration.on_update(
-            pressed(lambda: self._mapped_side.exaggerate(controls.exaggeration.value))
+            pressed(lambda: self._sides.exaggerate(controls.exaggeration.value))
         )
-        controls.fit.on_click(pressed(self._framing.all_in_view))
+        controls.fit.on_click(pressed(self._sides.all_in_view))
         controls.download.on_click(self._download)
 
+    @property
+    def _is_flying(self) -> bool:
+        return self._shown is not None and self._shown.plan is None
+
+    @property
+    def _selected(self) -> int:
+        """Number of the drone, from 0, that the instruments, faults and the pilot are of."""
+        return int(self._selector.value) - 1
+
+    def _select(self) -> None:
+        self._score_map()
+        self._show_numbers()
+        self._plot()
+
     def _order(self, *orders: Order) -> None:
-        if self._shown is None or self._shown.plan is not None:
+        if not self._is_flying:
             raise SitlError("no flight is under way; press Start")
         for order in orders:
             self._hangar.order(order)
 
     def _start(self) -> None:
-        request = self._controls.request(self._world_name)
-        config = request.config()
-        setup = request.setup(config)
+        request = self._controls.request(self._world_name, self._drones)
+        setups, configs = request.setups(self._world)
         self._forget_flight()
         self._flights += 1
         self._hangar.order(Begin(self._flights, request, self._controls.times_real_time))
-        take_off = start_state(setup)
-        height_m = config.mission.height_m
-        scoring = LiveScore(setup.world, height_m, take_off, self._score_receiver(self._flights))
-        self._shown = Shown(config, take_off, scoring)
-        self._place_mapped_side(take_off)
-        self._controls.download.disabled = True
+        take_offs = [start_state(setup) for setup in setups]
+        height_m = configs[0].mission.height_m
+        receiver = self._score_receiver(self._flights)
+        scoring = LiveScore(self._world, height_m, take_offs[0], receiver)
+        self._shown = Shown(configs[0], take_offs, scoring)
+        self._put(take_offs)
 
     def _stop(self) -> None:
         """Land; time must pass for that."""
@@ -167,11 +182,11 @@ class Page:
                 self._order(Step())
 
     def _change_speed(self) -> None:
-        if self._shown is not None and self._shown.plan is None:
+        if self._is_flying:
             self._order(Pace(self._controls.times_real_time))
 
     def _hide_truth(self) -> None:
-        self._true_side.hide(hidden=self._controls.hide_truth.value)
+        self._sides.hide_truth(hidden=self._controls.hide_truth.value)
         self._show_numbers()
         self._plot()
 
@@ -188,7 +203,7 @@ class Page:
         except CompanionError as error:
             self._turns.complain(str(error), event.client)
 
-    # The building
+    # The building and the drones before take-off
 
     def _open_world(self, name: str) -> None:
         world = load_world(name)
@@ -196,29 +211,46 @@ class Page:
         self._show_world(name, world)
 
     def _show_world(self, name: str, world: World) -> None:
-        self._world_name = name
-        least, (north, east) = world.bounds
-        _, west = least
-        self._mapped_shift_m = east - west + BETWEEN_M
-        self._true_side.build(world)
-        self._mapped_side.clear()
-        for side, title, shift_m in (
-            ("true", f"the building: {world.name}", 0.0),
-            ("mapped", "the drone's map", self._mapped_shift_m),
-        ):
-            self._server.scene.add_label(
-                f"/name of {side} side",
-                title,
-                position=((west + east) / 2 + shift_m, north + LABELS_M, 0.0),
-                anchor="bottom-center",
-                font_screen_scale=NAME_SCALE,
-            )
-        self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
+        self._world_name, self._world = name, world
+        self._sides.build(world)
+        self._stand(1)
 
-    def _place_mapped_side(self, take_off: TrueState) -> None:
-        """Place the map with the building's orientation, for comparison."""
-        north, east, down = take_off.position_ned_m
-        self._mapped_side.place((north, east + self._mapped_shift_m, down), take_off.yaw_rad)
+    def _add_or_remove(self) -> None:
+        """Add or remove a drone, which flies from the next start on."""
+        if self._is_flying:
+            raise SitlError("UAVs are added and removed before take-off; stop this flight first")
+        is_added = self._controls.uavs.value == ADD
+        drones, most = self._drones + (1 if is_added else -1), self._controls.most_drones
+        kind = self._controls.mission.value
+        if drones > most:
+            raise SitlError(f"a mission {kind!r} is for at most {most}")
+        if drones < 1:
+            raise SitlError("one UAV is left")
+        self._stand(drones)
+        self._forget_flight()
+
+    def _prepare_again(self) -> None:
+        """Take another mission or seed into account; a flight shown stays as it is."""
+        if self._shown is None:
+            self._stand(min(self._drones, self._controls.most_drones))
+
+    def _stand(self, drones: int) -> None:
+        """Show so many drones on their pads.
+
+        Raises:
+            SitlError: there is no place for a pad.
+        """
+        setups, _ = self._controls.request(self._world_name, drones).setups(self._world)
+        self._drones = drones
+        self._put([start_state(setup) for setup in setups])
+
+    def _put(self, take_offs: Sequence[TrueState]) -> None:
+        self._sides.stand(take_offs)
+        numbers = [str(number + 1) for number in range(len(take_offs))]
+        self._selector.options = numbers
+        self._selector.visible = len(numbers) > 1
+        on_pads = [Member(number + 1, "on its pad", None) for number in range(len(take_offs))]
+        self._instruments.tell_team(on_pads)
 
     def _forget_flight(self) -> None:
         if self._shown is None:
@@ -227,8 +259,8 @@ class Page:
             self._hangar.order(GiveUp())
         self._shown.scoring.end()
         self._shown = None
-        self._true_side.restart()
-        self._mapped_side.clear()
+        self._instruments.clear()
+        self._controls.download.disabled = True
 
     # The flight
 
@@ -262,13 +294,16 @@ class Page:
         if seen is None or shown is None or seen.flight != self._flights:
             return
         shown.seen.append((time.monotonic(), seen))
-        snapshot = seen.snapshot
-        with self._server.atomic():
-            self._true_side.show(seen.truth, snapshot.readings, snapshot.mount_offset_m)
-            self._mapped_side.show(snapshot)
-        if snapshot.sketch is not None:
-            shown.scoring.update(snapshot.sketch.walls)
+        self._sides.show(seen.drones)
+        if seen.drones[self._selected].snapshot.sketch is not None:
+            self._score_map()
         self._is_unshown = self._is_unplotted = True
+
+    def _score_map(self) -> None:
+        """Have the map of the selected drone scored; at the end, that of all."""
+        shown, drone = self._shown, self._selected
+        if shown is not None and shown.plan is None:
+            shown.scoring.update(self._sides.map_of(drone).walls, shown.take_offs[drone])
 
     def _keep_up(self) -> None:
         """Update numbers and plots at their periods, from the latest moment."""
@@ -282,11 +317,12 @@ class Page:
 
     def _take(self, news: News) -> None:
         match news:
-            case Ended(flight, _, plan, _) if self._shown is not None and flight == self._flights:
+            case Ended(flight, _, plan, drones) if flight == self._flights and self._shown:
                 self._shown.plan = plan
-                self._shown.scoring.update(plan.walls)
                 _, last = self._shown.seen[-1]
-                self._mapped_side.show(replace(last.snapshot, sketch=sketch_of(plan)))
+                if drones:
+                    self._shown.scoring.update(plan.walls, self._shown.take_offs[drones[0]])
+                self._sides.finish(plan, drones, last.drones)
                 self._controls.download.disabled = False
             case Ended():
                 pass
@@ -298,17 +334,19 @@ class Page:
         if shown is None or not shown.seen:
             return
         _, seen = shown.seen[-1]
-        known = self._mapped_side.in_numbers
-        known |= {"battery": f"{seen.battery:.0%}", "speed": self._speed(shown)}
-        truth = {} if self._controls.hide_truth.value else _truth_rows(shown, seen)
-        self._instruments.tell(seen.snapshot, known | truth)
+        drone = seen.drones[self._selected]
+        known = self._sides.map_of(self._selected).in_numbers | {"speed": self._speed(shown)}
+        truth = {} if self._controls.hide_truth.value else _truth_rows(shown.score, drone)
+        self._instruments.tell(drone.snapshot, known | truth)
+        snapshots = [each.snapshot for each in seen.drones]
+        self._instruments.tell_team([Member.of(snapshot) for snapshot in snapshots])
 
     def _plot(self) -> None:
         shown = self._shown
         if shown is None:
             return
-        moments = [seen for _, seen in shown.seen]
-        heading_rad = shown.take_off.yaw_rad
+        moments = [seen.drones[self._selected] for _, seen in shown.seen]
+        heading_rad = shown.take_offs[self._selected].yaw_rad
         is_hidden = self._controls.hide_truth.value
         true_yaw_rad = [wrap_rad(seen.truth.yaw_rad - heading_rad) for seen in moments]
         snapshots = [seen.snapshot for seen in moments]
@@ -323,13 +361,12 @@ class Page:
         )
         if last_wall_s <= first_wall_s:
             return "–"
-        flown_s = last.snapshot.time_s - first.snapshot.time_s
+        flown_s = last.time_s - first.time_s
         return f"{flown_s / (last_wall_s - first_wall_s):.1f} × real time"
 
 
-def _truth_rows(shown: Shown, seen: Seen) -> dict[str, str]:
-    score = shown.score
-    rows = {"least clearance": f"{seen.clearance_m:.2f} m", "collisions": str(seen.collisions)}
+def _truth_rows(score: MapScore | None, drone: SeenDrone) -> dict[str, str]:
+    rows = {"least clearance": f"{drone.clearance_m:.2f} m", "collisions": str(drone.collisions)}
     if score is not None:
         rows |= {
             "coverage": f"{score.coverage:.0%}",

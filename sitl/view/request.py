@@ -7,7 +7,8 @@ from companion.config.range_sensors import USUAL_BEAMS
 from companion.config.settings import Config, validated
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
 from sitl.simulation.simulation import Setup
-from sitl.world.loading import load_world
+from sitl.simulation.team_pads import team_setups
+from sitl.world.format import World
 
 OWN_PROFILE = "own"
 """Sensors with the requested range and noise, also if no real sensor has them."""
@@ -32,6 +33,7 @@ class FlightRequest:
     mission: str = "room"
     standoff: float | str = 1.5
     speed_m_s: float = 1.0
+    drones: int = 1
 
     def config(self) -> Config:
         """The companion's configuration.
@@ -47,20 +49,23 @@ class FlightRequest:
         }
         return validated(Config, {"sensors": self._sensors(), "mission": mission}, "this page")
 
-    def setup(self, config: Config) -> Setup:
-        """The simulator's setup.
+    def setups(self, world: World) -> tuple[list[Setup], list[Config]]:
+        """A setup and a configuration for each drone, in the world of this name.
 
         Raises:
-            WorldError: the world is invalid.
+            ConfigError: as of `config`.
+            SitlError: there is no place for a pad.
         """
-        return Setup(
-            load_world(self.world),
+        config = self.config()
+        setup = Setup(
+            world,
             self.world,
             self.seed,
             config.sensors,
             self.autopilot,
             odometry_noise=REFERENCE_NOISE.times(self.noise),
         )
+        return team_setups(setup, config, self.drones)
 
     def _sensors(self) -> dict[str, object]:
         if self.profile != OWN_PROFILE:

@@ -10,7 +10,6 @@ from rich.table import Table
 from companion.export.map_files import save_as
 from sitl.world.checking import extent, facts, warnings
 from sitl.world.clutter import cluttered
-from sitl.world.drawing import draw_plan
 from sitl.world.geometry.mesh import visible_mesh
 from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.writing import write_world
@@ -51,6 +50,8 @@ def show(
     out: Annotated[Path | None, typer.Option(help="PNG to write; default NAME.png.")] = None,
 ) -> None:
     """Draw the floor plan with its start poses."""
+    from sitl.world.drawing import draw_plan  # noqa: PLC0415 - slow to load, and seldom needed
+
     loaded = cluttered(load_world(world), clutter, clutter_seed)
     path = out or Path(f"{loaded.name}.png")
     save_as(draw_plan, loaded, path)

@@ -7,12 +7,24 @@ from pathlib import Path
 from companion.core.textfile import NotTextError, read_text
 from sitl.world.format import World, WorldError, parse_world
 from sitl.world.generator import named
-from sitl.world.importers.ros_map import load_ros_map
-from sitl.world.importers.segments import load_segments
+
+
+def load_segments(path: Path, report: Callable[[str], None]) -> World:
+    """Load a plan as wall segments. Importers are imported only here: they take half a second."""
+    from sitl.world.importers import segments  # noqa: PLC0415 - slow to load
+
+    return segments.load_segments(path, report)
+
+
+def load_ros_map(path: Path, report: Callable[[str], None]) -> World:
+    """Load a ROS map."""
+    from sitl.world.importers import ros_map  # noqa: PLC0415 - slow to load
+
+    return ros_map.load_ros_map(path, report)
 
 
 def load_mesh(path: Path, report: Callable[[str], None]) -> World:
-    """Load a mesh. Its library is imported only here, because that takes half a second."""
+    """Load a mesh."""
     from sitl.world.importers import meshes  # noqa: PLC0415 - slow to load
 
     return meshes.load_mesh(path, report)

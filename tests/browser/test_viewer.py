@@ -119,7 +119,7 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over")
 
 
-def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> None:
+def test_the_page_offers_every_setting_and_stops_a_flight_of_a_team(browser: Browser) -> None:
     with simulator(browser) as page:
         for world in world_names():
             button = page.get_by_role("button", name=world, exact=True)
@@ -137,8 +137,11 @@ def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> N
         fill(page, "odometry ×", "0.5")
         choose(page, "autopilot", "px4")
         choose(page, "speed", "all")
+        press(page, "Add UAV")
+        expect(page.get_by_text("on its pad")).to_have_count(2)
         press(page, "Start")
         until(lambda: walls_m(page) > 1, "the first wall")
+        choose(page, "drone", "2")
         assert number(page, "battery") > 50
         assert number(page, "height") == pytest.approx(1.2, abs=0.5)
         for plot in ("ranges, m", "heading, °", "gyro bias, °/s"):
@@ -146,6 +149,8 @@ def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> N
         press(page, "Stop: land now")
         expect(page.get_by_role("button", name="Download map")).to_be_enabled()
         assert row(page, "doing") == "landed: landing was requested"
+        press(page, "Remove UAV")
+        expect(page.get_by_label("drone", exact=True)).to_be_hidden()
 
 
 def fill(page: Page, label: str, value: str) -> None:

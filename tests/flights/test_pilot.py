@@ -27,6 +27,7 @@ from sitl.testing import (
 )
 from sitl.testing import watch as each_tick
 from sitl.testing.actions.vehicle import MODE_NAMES
+from tests.worlds import SMALL_ROOM
 
 MODE, ARM, TAKE_OFF, INTERVAL = 176, 400, 22, 511
 BOTH = pytest.mark.parametrize(
@@ -81,8 +82,8 @@ Fly = Callable[..., Flight]
 
 @pytest.fixture
 def fly(sitl: Sitl, watch: Watch) -> Fly:
-    def flown(*script: Event, **more: object) -> Flight:
-        return sitl.fly("room_100", script=[watch.event(), *script], **more)  # type: ignore[arg-type]
+    def flown(*script: Event, world: str = "room_100", **more: object) -> Flight:
+        return sitl.fly(world, script=[watch.event(), *script], **more)  # type: ignore[arg-type]
 
     return flown
 
@@ -167,7 +168,7 @@ def test_the_flight_continues_if_px4_returns_to_offboard_before_its_next_heartbe
     fly: Fly, watch: Watch
 ) -> None:
     """PX4 sends HEARTBEAT at whole seconds."""
-    flight = fly(at(IN_FLIGHT_S + 0.05, hang(for_s=0.8)), autopilot="px4")
+    flight = fly(at(IN_FLIGHT_S + 0.05, hang(for_s=0.8)), world=SMALL_ROOM, autopilot="px4")
     assert flight.completed, flight.ending
     assert watch.modes.count("OFFBOARD") == 2
 
@@ -206,6 +207,6 @@ def test_a_wrong_system_id_is_reported(fly: Fly, watch: Watch) -> None:
 def test_the_mission_begins_although_the_autopilot_keeps_reporting_take_off(
     fly: Fly, watch: Watch
 ) -> None:
-    flight = fly(at(0, stay_taking_off()))
+    flight = fly(at(0, stay_taking_off()), world=SMALL_ROOM)
     assert flight.completed, flight.ending
     assert watch.after(0)[TAKE_OFF] == 1

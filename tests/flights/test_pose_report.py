@@ -93,7 +93,7 @@ def test_a_fly_away_is_detected_and_stopped(autopilot: str, rate_m_s2: float) ->
         autopilot.blow(north * rate_m_s2 * away_s, east * rate_m_s2 * away_s)
         if app.flight.phase is Phase.HOLD:
             noticed_s.append(away_s)
-            autopilot.blow(0.0, 0.0)
+            autopilot.crash("the rest of the flight is not needed")
 
     settings = configuration.load(None, {"sensors.profile": "paper"})
     setup = Setup(load_world("room_100"), "room_100", 1, settings.sensors, autopilot)

@@ -14,6 +14,7 @@ from sitl.view.flight_messages import (
     Ended,
     GiveUp,
     Inject,
+    Land,
     News,
     Pace,
     Refused,
@@ -24,6 +25,7 @@ from sitl.view.flight_messages import (
 from sitl.view.flight_process import FlightProcess
 from sitl.view.flying import serve
 from sitl.view.request import OWN_PROFILE, FlightRequest
+from sitl.world.loading import load_world
 from tests.waiting import DEADLINE_S
 
 FAST = 1000.0
@@ -32,8 +34,8 @@ N = TypeVar("N", Seen, Refused, Ended)
 
 def test_a_flight_with_custom_sensor_values_completes() -> None:
     request = FlightRequest("room_100", profile=OWN_PROFILE, range_m=4.0, range_sigma_m=0.03)
-    config = request.config()
-    app, simulation = fly_in_lockstep(request.setup(config), config, lambda progress: None)
+    (setup,), (config,) = request.setups(load_world("room_100"))
+    app, simulation = fly_in_lockstep(setup, config, lambda progress: None)
     assert app.flight.completed, app.flight.ending
     assert simulation.record.collisions == 0
 
@@ -75,13 +77,32 @@ def test_the_page_shows_pauses_steps_and_takes_over_a_flight() -> None:
     page.orders.send(Pace(0.0))
     page.orders.send(Step())
     page.orders.send(Step())
-    page.orders.send(Inject("somebody in the way", "front", 1.0))
+    page.orders.send(Inject(0, "somebody in the way", "front", 1.0))
     page.orders.send(Pace(FAST))
-    while seen.truth.position_ned_m[2] > -1.0:
+    while seen.drones[0].truth.position_ned_m[2] > -1.0:
         seen = page.until(Seen)
-    page.orders.send(TakeOver("LOITER"))
+    page.orders.send(TakeOver(0, "LOITER"))
     ended = page.until(Ended)
-    assert ended.ending == "handed over: mode changed to LOITER"
+    assert ended.endings == ("handed over: mode changed to LOITER",)
+
+
+def test_orders_reach_the_selected_drone_of_a_team() -> None:
+    page = Page()
+    page.orders.send(Begin(1, FlightRequest("room_100", drones=2), FAST))
+    seen = page.until(Seen)
+    while max(drone.truth.position_ned_m[2] for drone in seen.drones) > -1.0:
+        seen = page.until(Seen)
+    assert [drone.snapshot.drone for drone in seen.drones] == [1, 2]
+    page.orders.send(TakeOver(1, "LOITER"))
+    while not seen.drones[1].snapshot.has_ended:
+        seen = page.until(Seen)
+    assert not seen.drones[0].snapshot.has_ended
+    page.orders.send(Land())
+    ended = page.until(Ended)
+    first, second = ended.endings
+    assert first == "landed: landing was requested"
+    assert second == "handed over: mode changed to LOITER"
+    assert len(ended.plan.paths) == len(ended.drones)
 
 
 def test_an_abandoned_flight_does_not_delay_the_next_request() -> None:

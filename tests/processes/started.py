@@ -92,14 +92,17 @@ def pilot(
     mavlink_port: str,
     bus_port: str,
     folder: Path,
-    team: Mapping[str, object] | None = None,
+    **groups: Mapping[str, object],
 ) -> list[str]:
-    """`companion fly` for the vehicle of that system id, set by a configuration file."""
+    """`companion fly` for the vehicle of that system id, set by a configuration file.
+
+    `groups`: more groups of the file.
+    """
     settings = Config.model_validate(
         {
             "link": {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number},
             "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"},
-            "team": team or {},
+            **groups,
         }
     )
     file = folder / f"drone_{number}.toml"

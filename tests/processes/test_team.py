@@ -6,15 +6,21 @@ import os
 import re
 import signal
 import tomllib
+from contextlib import suppress
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
 
 from companion.config.team import TeamConfig
+from companion.core.errors import ViewError
+from companion.core.frames import Vector2
 from companion.recording.reader import read
 from companion.team.messages import MapPiece, decode
+from companion.view.feed_client import FeedClient, parse_address
+from companion.view.snapshot import Snapshot
 from tests.processes.lossy_radio import lossy_radio
-from tests.processes.started import pilot, read_until, sitl, started, stop
+from tests.processes.started import free_tcp_port, pilot, read_until, sitl, started, stop
 from tests.waiting import DEADLINE_S, until
 from tests.worlds import ROOM
 
@@ -43,9 +49,11 @@ def test_two_companions_trace_a_room_together_over_a_bad_radio(tmp_path: Path) -
         found = re.findall(r"127\.0\.0\.1:(\d+)  system \d", output)
         with lossy_radio(TeamConfig(name="pair", pads=pads), LOSS) as radio:
             first, second = (team.model_dump() for team in radio.teams)
-            one = pilot(1, found[0], found[1], tmp_path, first)
-            other = pilot(2, found[2], found[3], tmp_path, second)
+            view = {"listen": f"127.0.0.1:{free_tcp_port()}"}
+            one = pilot(1, found[0], found[1], tmp_path, team=first, view=view)
+            other = pilot(2, found[2], found[3], tmp_path, team=second)
             with started(one) as one_flies, started(other) as other_flies:
+                assert seen_from(view["listen"]) == pytest.approx((0.0, 2.0), abs=0.5)
                 for flying in (one_flies, other_flies):
                     output, _ = flying.communicate(timeout=DEADLINE_S)
                     assert flying.returncode == 0, output
@@ -120,3 +128,22 @@ def test_ctrl_c_ends_all_processes(tmp_path: Path) -> None:
 
 def is_running(process: int) -> bool:
     return Path(f"/proc/{process}").exists()
+
+
+def seen_from(drone: str) -> Vector2:
+    """Where a viewer of the first drone sees the second one first."""
+    seen: SimpleQueue[Snapshot] = SimpleQueue()
+    viewer: list[FeedClient] = []
+
+    def is_open() -> bool:
+        with suppress(ViewError):
+            viewer.append(FeedClient(parse_address(drone), "", seen.put, lambda reason: None))
+        return bool(viewer)
+
+    until(is_open, "the feed")
+    while not (mates := seen.get(timeout=DEADLINE_S).mates):
+        continue
+    viewer[0].close()
+    [mate] = mates
+    assert mate.drone == 2
+    return mate.ne_m

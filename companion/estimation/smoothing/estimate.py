@@ -1,7 +1,7 @@
 """Result of the smoother, and its prior from the part of the flight before."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from companion.estimation.smoothing.state import (
     WALL_SIZE,
     YAW,
     Unknowns,
+    tangents_of,
+    walls_moved_to,
 )
 
 
@@ -50,6 +52,18 @@ class EarlierWalls:
     """(2w, 2w): of the walls."""
     start_sigma: Array
     """(3,): sigmas of the start: north, east, m, and heading, rad."""
+
+    def moved_to(self, start: Array) -> "EarlierWalls":
+        """The walls in another frame, in which that of the survey begins at `start` (3,).
+
+        A wall's offset grows by n(θ)·s, so it also depends on the wall's direction θ: by t(θ)·s.
+        """
+        walls, reach_m = walls_moved_to(start, self.walls, self.reach_m)
+        change = np.eye(walls.size)
+        offset = np.arange(1, walls.size, WALL_SIZE)
+        change[offset, offset - 1] = tangents_of(walls) @ start[:YAW]
+        covariance = change @ self.covariance @ change.T
+        return replace(self, walls=walls, reach_m=reach_m, covariance=covariance)
 
 
 @dataclass(frozen=True, slots=True)

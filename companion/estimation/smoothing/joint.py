@@ -28,6 +28,7 @@ from companion.estimation.smoothing.state import (
     Measured,
     Unknowns,
     to_ned,
+    walls_moved_to,
 )
 
 Number = TypeVar("Number", bound=np.generic)
@@ -76,9 +77,7 @@ def moved_to(x: Unknowns, start: Array) -> Unknowns:
     turned.poses[:, YAW] += start[YAW]
     wander = slice(WANDER_NORTH, WANDER_EAST + 1)
     turned.poses[:, wander] = to_ned(x.poses[:, wander], yaw)
-    turned.walls[:, 0] += start[YAW]
-    turned.walls[:, 1] += turned.normals @ start[:YAW]
-    turned.reach_m += (turned.tangents @ start[:YAW])[:, None]
+    turned.walls, turned.reach_m = walls_moved_to(start, x.walls, x.reach_m)
     return turned
 
 

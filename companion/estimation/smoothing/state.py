@@ -285,6 +285,13 @@ def tangents_of(walls: Array) -> Array:
     return np.column_stack([-np.sin(walls[:, 0]), np.cos(walls[:, 0])])
 
 
+def walls_moved_to(start: Array, walls: Array, reach_m: Array) -> tuple[Array, Array]:
+    """Walls (w, 2), and their reach, in the frame in which their own begins at `start` (3,)."""
+    moved = walls + np.array([start[YAW], 0.0])
+    moved[:, 1] += normals_of(moved) @ start[:YAW]
+    return moved, reach_m + (tangents_of(moved) @ start[:YAW])[:, None]
+
+
 def place_on(wall: Array, along_m: float) -> Vector2:
     """North and east of a position on the line of a wall (2,), m."""
     [normal], [tangent] = normals_of(wall[None]), tangents_of(wall[None])

@@ -45,9 +45,10 @@ def write_dxf(survey: Survey, path: Path) -> None:
             space.add_lwpolyline(outline, close=True, dxfattribs={"layer": "ROOMS"})
         _label(space, room.name, _xy(room.label_ne_m) + Vec2(0, TEXT_M))
         _label(space, f"{room.area_m2:.2f} m2", _xy(room.label_ne_m) - Vec2(0, TEXT_M))
-    flown = [Vec2(pose.east_m, pose.north_m) for pose in survey.plan.path]
-    if len(flown) > 1:
-        space.add_lwpolyline(flown, dxfattribs={"layer": "PATH"})
+    for path_flown in survey.plan.paths:
+        if len(path_flown) > 1:
+            flown = [Vec2(pose.east_m, pose.north_m) for pose in path_flown]
+            space.add_lwpolyline(flown, dxfattribs={"layer": "PATH"})
     _show(document)
     document.saveas(path)
 

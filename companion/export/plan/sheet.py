@@ -149,12 +149,13 @@ def _draw_plan(axes: Axes, survey: Survey, sheet: Sheet) -> None:
         alpha=0.5,
         rasterized=True,
     )
-    axes.plot(
-        [pose.east_m for pose in plan.path],
-        [pose.north_m for pose in plan.path],
-        color=PATH,
-        linewidth=0.7,
-    )
+    for path_flown in plan.paths:
+        axes.plot(
+            [pose.east_m for pose in path_flown],
+            [pose.north_m for pose in path_flown],
+            color=PATH,
+            linewidth=0.7,
+        )
     if plan.path:
         axes.plot(0, 0, marker="o", markersize=3.5, color=PATH)
     for wall in plan.walls:

@@ -13,6 +13,7 @@ room beside it or lies inside a wall.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -118,10 +119,10 @@ def _xy(points_ne_m: Sequence[Vector2]) -> list[Vector2]:
 
 
 def _looks(plan: FloorPlan) -> Lines:
-    """Beams and legs of the path, as shapely lines."""
-    flown = np.array([(pose.east_m, pose.north_m) for pose in plan.path]).reshape(-1, 2)
-    legs = np.stack([flown[:-1], flown[1:]], axis=1)
-    return np.array(shapely.linestrings(np.concatenate([rays(plan), legs])), ndmin=1)
+    """Beams and legs of the paths, as shapely lines."""
+    legs = [_xy([one.ne_m, other.ne_m]) for path in plan.paths for one, other in pairwise(path)]
+    beams_and_legs = np.concatenate([rays(plan), np.array(legs).reshape(-1, 2, 2)])
+    return np.array(shapely.linestrings(beams_and_legs), ndmin=1)
 
 
 def _cuts(walls: Sequence[WallSegment], looks: Lines) -> list[LineString]:

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from viser import GuiApi, GuiUplotHandle, uplot
 
 from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeReading
+from companion.export.map_png import flight_colour
+from companion.team.teammate import Heard
 from companion.view.scene.mapped import SIGMA_COLOURS, UNSURE_M
 from companion.view.snapshot import Snapshot
 
@@ -27,10 +30,30 @@ BIAS_DEG_S = (-1.0, 1.0)
 """Axis of the gyro bias, °/s. Chosen."""
 
 
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One drone in the table of a team."""
+
+    drone: int
+    """Its number."""
+    activity: str
+    battery: float | None
+    """Remaining charge, 0 to 1; None if it is unknown."""
+
+    @classmethod
+    def of(cls, snapshot: Snapshot) -> "Member":
+        return cls(snapshot.drone, snapshot.activity, snapshot.battery)
+
+    @classmethod
+    def of_mate(cls, mate: Heard) -> "Member":
+        return cls(mate.drone, mate.phase, mate.battery)
+
+
 class Instruments:
     """A table of numbers, to which callers add rows, and three plots of the last minute."""
 
     def __init__(self, gui: GuiApi) -> None:
+        self._team = gui.add_html("", visible=False)
         self._table = gui.add_html("")
         gui.add_html(_legend())
         self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MAX_RANGE_M))
@@ -38,6 +61,19 @@ class Instruments:
             gui, "heading, °", ("estimated", "true"), (COLOURS[4], COLOURS[2]), (-180, 180)
         )
         self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
+
+    def clear(self) -> None:
+        """Show no flight."""
+        self._table.content = ""
+        for plot in (self._ranges, self._yaw, self._bias):
+            plot.data = tuple(
+                np.full(1, math.nan) if number else np.zeros(1) for number in range(len(plot.data))
+            )
+
+    def tell_team(self, members: Sequence[Member]) -> None:
+        """Show what each drone does; nothing for a drone that flies alone."""
+        self._team.visible = len(members) > 1
+        self._team.content = _team_table(members)
 
     def tell(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
         """Show the numbers of a snapshot, and the rows in `more`."""
@@ -48,6 +84,7 @@ class Instruments:
             "time": f"{snapshot.time_s:.2f} s",
             "height": "–" if pose is None else f"{pose.height_m:.2f} m",
             "position, 1σ": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
+            "battery": _charge(snapshot.battery),
             **more,
         }
         self._table.content = _html_table(rows)
@@ -118,6 +155,19 @@ def _plot(
         legend=uplot.Legend(show=len(names) > 1),
         height=HEIGHT_PX,
     )
+
+
+def _charge(battery: float | None) -> str:
+    return "–" if battery is None else f"{battery:.0%}"
+
+
+def _team_table(members: Sequence[Member]) -> str:
+    cells = "".join(
+        f'<tr><td style="color:{flight_colour(each.drone - 1)}">⬤</td><td><b>{each.drone}</b></td>'
+        f'<td style="width:100%">{_plain(each.activity)}</td><td>{_charge(each.battery)}</td></tr>'
+        for each in members
+    )
+    return f'<table style="font-size:.85em;margin:.4em .8em;border-spacing:.3em 0">{cells}</table>'
 
 
 def _html_table(rows: Mapping[str, str]) -> str:

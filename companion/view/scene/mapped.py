@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from viser import LabelHandle, PointCloudHandle, ViserServer
@@ -12,6 +13,7 @@ from companion.core.messages import Sketch, WallSegment
 from companion.view.scene.shapes import (
     MIN_THICKNESS_M,
     SHOWN_HEIGHT_M,
+    Colour,
     Drone,
     Trail,
     Upright,
@@ -40,18 +42,17 @@ LABEL_SCALE = 1.2
 LABEL_PERIOD_S = 2.0
 """Wall-clock time between updates of labels, s. Chosen: text loads a browser heavily."""
 POINT_COLOUR = (84, 98, 111)
-PATH_COLOUR = (58, 134, 200)
-DRONE_COLOUR = (29, 53, 87)
 EARLIER_COLOUR = (139, 152, 159)
-"""Colours of points, path, drone and walls of earlier flights, RGB, 0 to 255. Chosen."""
+"""Colours of points and of walls of earlier flights, RGB, 0 to 255. Chosen."""
 EARLIER_SHARE = 0.5
 """Height of walls of earlier flights relative to walls of this flight. Chosen."""
 
 
 class MappedSide:
-    """Walls coloured by standard deviation, exaggerated 2σ bands, hits, path and drone."""
+    """Walls, exaggerated 2σ bands, hits, path and drone."""
 
-    def __init__(self, server: ViserServer, name: str = "/mapped") -> None:
+    def __init__(self, server: ViserServer, colour: Colour, name: str = "/mapped") -> None:
+        """`colour`: of path and drone."""
         scene = server.scene
         self._server = server
         self._name = name
@@ -68,9 +69,11 @@ class MappedSide:
             precision="float32",
             visible=False,
         )
-        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
-        self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
+        self._path = Trail(scene, f"{name}/path", colour)
+        self._drone = Drone(scene, f"{name}/drone", colour)
         self._labels: dict[int, LabelHandle] = {}
+        self.wall_colour: Colour | None = None
+        """Colour of walls and points, without labels; None: walls by standard deviation."""
         self._sketch = Sketch()
         self._exaggeration = 5.0
         self._labelled_wall_s = 0.0
@@ -102,9 +105,13 @@ class MappedSide:
         self._path.extend(here)
 
     @property
+    def walls(self) -> tuple[WallSegment, ...]:
+        return self._sketch.walls
+
+    @property
     def in_numbers(self) -> dict[str, str]:
         """Rows for the table of numbers."""
-        walls = self._sketch.walls
+        walls = self.walls
         length_m = sum(wall.length_m for wall in walls)
         return {"walls mapped": f"{len(walls)}, {length_m:.1f} m"}
 
@@ -119,21 +126,23 @@ class MappedSide:
         ends = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.walls]
         sigmas_m = np.array([wall.sigma_m for wall in sketch.walls])
         colours = colours_of(sigmas_m)
+        painted = colours if self.wall_colour is None else self.wall_colour
         earlier = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.earlier_walls]
         grey = np.tile(EARLIER_COLOUR, (len(earlier), 1))
         with self._server.atomic():
             thickness_m = MIN_THICKNESS_M
             self._earlier.show(earlier, 0.0, EARLIER_SHARE * top_m, thickness_m, grey)
-            self._walls.show(ends, 0.0, top_m, thickness_m, colours, overlap_m=thickness_m)
+            self._walls.show(ends, 0.0, top_m, thickness_m, painted, overlap_m=thickness_m)
             widths_m = 2 * BAND_SIGMAS * self._exaggeration * sigmas_m
             self._bands.show(ends, 0.0, BAND_HEIGHT_M, widths_m, colours)
             points = to_scene(sketch.points_ned_m)
             self._points.visible = len(points) > 0
             if len(points):
                 self._points.points = points.astype(np.float32)
+                self._points.colors = np.array(self.wall_colour or POINT_COLOUR, dtype=np.uint8)
             if time.monotonic() - self._labelled_wall_s > LABEL_PERIOD_S or not sketch.walls:
                 self._labelled_wall_s = time.monotonic()
-                self._label(sketch.walls, top_m)
+                self._label(sketch.walls if self.wall_colour is None else (), top_m)
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
         """Label long walls above their middle with length and standard deviation."""
@@ -183,11 +192,11 @@ def _middle(wall: WallSegment) -> Vector2:
     return (north_a + north_b) / 2, (east_a + east_b) / 2
 
 
-def extent_ne_m(sketch: Sketch) -> tuple[Vector2, Vector2]:
-    """Smallest and largest (north, east) of the map, with a margin, m."""
+def extent_ne_m(sketch: Sketch, others: Sequence[Vector2] = ()) -> tuple[Vector2, Vector2]:
+    """Smallest and largest (north, east) of the map and other places, with a margin, m."""
     walls = (*sketch.walls, *sketch.earlier_walls)
     places = [point for wall in walls for point in (wall.start_ne_m, wall.end_ne_m)]
-    places += [(north, east) for north, east, _ in sketch.path_ned_m]
+    places += [*((north, east) for north, east, _ in sketch.path_ned_m), *others]
     norths, easts = zip(*places, strict=True) if places else ((0.0,), (0.0,))
     margin_m = 1.0 if places else 5.0
     return (

@@ -1,13 +1,15 @@
-"""Arranges a page without ground truth: map, numbers and plots."""
+"""Arranges a page without ground truth: map, teammates, numbers and plots."""
 
 from collections.abc import Sequence
 
 from companion.core.frames import Vector2
 from companion.core.messages import Sketch
+from companion.team.teammate import Heard
 from companion.view.access.server import PageServer
 from companion.view.scene.camera import PANEL_PX, Framing
-from companion.view.scene.instruments import Instruments
+from companion.view.scene.instruments import Instruments, Member
 from companion.view.scene.mapped import MappedSide, extent_ne_m
+from companion.view.scene.shapes import Drone, drone_colour
 from companion.view.snapshot import Snapshot
 
 
@@ -16,7 +18,11 @@ class Screen:
 
     def __init__(self, server: PageServer) -> None:
         self._server = server
-        self._mapped = MappedSide(server)
+        self._mapped: MappedSide | None = None
+        """None before the drone's number, which determines its colour, is known."""
+        self._exaggeration = 5.0
+        self._mates: dict[int, Drone] = {}
+        """Teammates by number."""
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
         panel = server.gui.add_panel()
@@ -28,20 +34,38 @@ class Screen:
         self._framing = Framing(server, *self._extent)
 
     def show(self, snapshot: Snapshot) -> None:
+        if self._mapped is None:
+            self._mapped = MappedSide(self._server, drone_colour(snapshot.drone - 1))
+            self._mapped.exaggerate(self._exaggeration)
         with self._server.atomic():
             self._mapped.show(snapshot)
+            self._show_mates(snapshot.mates)
+        members = [Member.of(snapshot), *map(Member.of_mate, snapshot.mates)]
+        self._instruments.tell_team(sorted(members, key=lambda member: member.drone))
         self._instruments.tell(snapshot, self._mapped.in_numbers)
         if snapshot.sketch is not None:
-            extent = extent_ne_m(snapshot.sketch)
+            extent = extent_ne_m(snapshot.sketch, [mate.ne_m for mate in snapshot.mates])
             if _reaches_beyond(extent, self._extent):
                 self._extent = extent
                 self._framing.frame(*extent)
+
+    def _show_mates(self, mates: Sequence[Heard]) -> None:
+        for drone in self._mates.values():
+            drone.hide()
+        for mate in mates:
+            name = f"/mate {mate.drone}"
+            if mate.drone not in self._mates:
+                colour = drone_colour(mate.drone - 1)
+                self._mates[mate.drone] = Drone(self._server.scene, name, colour)
+            self._mates[mate.drone].move((*mate.ne_m, -mate.height_m), mate.yaw_rad)
 
     def plot(self, window: Sequence[Snapshot]) -> None:
         self._instruments.plot(window)
 
     def exaggerate(self, times: float) -> None:
-        self._mapped.exaggerate(times)
+        self._exaggeration = times
+        if self._mapped is not None:
+            self._mapped.exaggerate(times)
 
     def fit(self) -> None:
         self._framing.all_in_view()

@@ -10,6 +10,7 @@ from viser import BatchedMeshHandle, SceneApi
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, ned_to_enu, yaw_ned_to_enu
 from companion.core.messages import Beam, Pose, RangeReading, RangeState
+from companion.export.map_png import flight_colour
 
 Colour = tuple[int, int, int]
 Quaternion = tuple[float, float, float, float]
@@ -37,6 +38,12 @@ BEAM_FLU: Mapping[Beam, Vector3] = {
     Beam.DOWN: (0.0, 0.0, -1.0),
 }
 """Unit vector of each beam, body frame forward-left-up."""
+
+
+def drone_colour(number: int) -> Colour:
+    """Colour of a drone of a team by its number, from 0; that of its path on a joint map."""
+    red, green, blue = bytes.fromhex(flight_colour(number)[1:])
+    return red, green, blue
 
 
 def to_scene(points_ned: Sequence[Vector3] | Array) -> Array:
@@ -149,8 +156,9 @@ class Drone:
     def __init__(self, scene: SceneApi, name: str, colour: Colour) -> None:
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
         body, nose = _body()
+        red, green, blue = (channel // 2 for channel in colour)  # light brightens a body
         scene.add_mesh_simple(
-            f"{name}/body", body.vertices, body.faces, color=colour, cast_shadow=False
+            f"{name}/body", body.vertices, body.faces, color=(red, green, blue), cast_shadow=False
         )
         scene.add_mesh_simple(
             f"{name}/nose", nose.vertices, nose.faces, color=NOSE_COLOUR, cast_shadow=False

@@ -9,11 +9,14 @@ on every machine.
 
 import random
 import re
+from typing import TYPE_CHECKING
 
 from sitl.core.noise import stream
 from sitl.world.format import Door, Start, Walls, World
 from sitl.world.generator.floor import Floor, random_floor
-from sitl.world.generator.furniture import Space, furnish
+
+if TYPE_CHECKING:
+    from sitl.world.generator.furniture import Space
 
 CEILINGS_M = (2.4, 2.5, 2.6, 2.7, 2.8, 3.0)
 """Ceiling heights drawn, m. Chosen."""
@@ -33,6 +36,8 @@ def named(name: str) -> World | None:
 
 def random_world(seed: int, *, is_large: bool = False) -> World:
     """The building for a seed."""
+    from sitl.world.generator.furniture import Space, furnish  # noqa: PLC0415 - slow to load
+
     rng = stream(seed, "building")
     height_m = rng.choice(CEILINGS_M)
     thickness_m = rng.choice(THICKNESSES_M)
@@ -66,7 +71,7 @@ def _walls(floor: Floor, thickness_m: float) -> list[Walls]:
     return walls
 
 
-def _starts(spaces: list[Space], rng: random.Random) -> tuple[Start, ...]:
+def _starts(spaces: "list[Space]", rng: random.Random) -> tuple[Start, ...]:
     """Starts in different rooms; the flight's seed draws the heading."""
     numbers = list(range(len(spaces)))
     rng.shuffle(numbers)

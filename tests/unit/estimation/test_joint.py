@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from companion.core.arrays import Array
+from companion.core.frames import inverse_starts
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.one_flight import Flights
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
@@ -76,20 +77,14 @@ def test_a_start_off_its_pad_is_corrected_by_the_walls() -> None:
 
 def test_moving_a_flight_and_moving_it_back_changes_nothing() -> None:
     x, start = mapped(fly(ROOM, PATHS[0], 1)).x, np.array([2.0, -1.0, 0.7])
-    back = moved_to(moved_to(x, start), inverse(start))
+    back = moved_to(moved_to(x, start), inverse_starts(start[None])[0])
     for field in ("poses", "walls", "reach_m"):
         assert getattr(back, field) == pytest.approx(getattr(x, field), abs=1e-9)
 
 
-def inverse(start: Array) -> Array:
-    """The origin, seen from a start (3,)."""
-    back = to_ned(-start[None, :2], -start[2:])[0]
-    return np.array([*back, -start[2]])
-
-
 def seen_from(start: Array) -> list[Segment]:
     """Walls of `ROOM` in the frame of a flight that began at `start` (3,)."""
-    origin = inverse(start)
+    [origin] = inverse_starts(start[None])
     ends = np.array(ROOM).reshape(-1, 2)
     moved = origin[:2] + to_ned(ends, np.full(len(ends), origin[2]))
     return [((a, b), (c, d)) for a, b, c, d in moved.reshape(-1, 4).tolist()]

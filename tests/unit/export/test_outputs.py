@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import cast
 
 import ezdxf.filemanagement
+import matplotlib.image
+import numpy as np
 import pytest
 import yaml
 from ezdxf.document import Drawing
@@ -15,12 +17,14 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from companion.commands.cli import commands as companion
+from companion.core.arrays import Array
 from companion.core.errors import OutputError
 from companion.core.frames import Place, Vector2
-from companion.core.messages import FloorPlan, WallSegment
+from companion.core.messages import FloorPlan, Pose, WallSegment
 from companion.export import formats, map_files
 from companion.export.formats import Labels, export
 from companion.export.map_files import save
+from companion.export.map_png import draw, flight_colour
 from companion.export.plan.dxf import write_dxf
 from companion.export.plan.survey import survey
 from companion.export.ros_map import write_ros_map
@@ -111,6 +115,38 @@ def test_the_initial_view_of_an_empty_dxf_shows_some_metres(tmp_path: Path) -> N
     write_dxf(survey(FloorPlan()), tmp_path / "plan.dxf")
     view = active_view(ezdxf.filemanagement.readfile(tmp_path / "plan.dxf"))
     assert 5 < view.dxf.height < 50
+
+
+# Joint maps
+
+
+def flown_twice() -> FloorPlan:
+    """Two flights to the north: one from the origin, one 8 m east of it."""
+    path = tuple(Pose(0.0, north, east, -1.0, 0.0) for east in (0.0, 8.0) for north in (0.0, 4.0))
+    return FloorPlan(path=path, begins=(0, 2))
+
+
+def test_each_flight_of_a_joint_map_has_a_path_of_its_own(tmp_path: Path) -> None:
+    draw(flown_twice(), tmp_path / "map.png")
+    picture = np.rint(255 * matplotlib.image.imread(tmp_path / "map.png")[..., :3])
+    rows, columns, _ = picture.shape
+    above_the_legend = picture[: int(0.9 * rows)]
+
+    def columns_of(number: int) -> Array:
+        colour = tuple(bytes.fromhex(flight_colour(number)[1:]))
+        is_there: Array = (above_the_legend == colour).all(axis=2).any(axis=0)
+        share: Array = np.flatnonzero(is_there) / columns
+        return share
+
+    first, second = columns_of(0), columns_of(1)
+    assert len(first)
+    assert len(second)
+    assert first.max() < 0.3
+    assert second.min() > 0.7
+
+    write_dxf(survey(flown_twice()), tmp_path / "map.dxf")
+    drawing = ezdxf.filemanagement.readfile(tmp_path / "map.dxf")
+    assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PATH"]')) == 2
 
 
 # Failing output files

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.mapping.joined_grid import joined
+from companion.mapping.joined_grid import JoinedGrid, joined
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.mapping.rays import Ray
 
@@ -89,6 +89,19 @@ def test_what_another_drone_has_measured_counts_where_the_own_map_is_unknown() -
     assert met_s.max() == 5.0
     _, met_s = union.met_near((8.0, 0.0), 0.3)
     assert met_s.max() == -math.inf
+
+
+def test_a_joined_map_follows_each_change_of_its_grids() -> None:
+    own, other, union = Occupancy(), Occupancy(), JoinedGrid()
+    assert state(union.of(own, [other]), (2.0, 0.0)) == "unknown"
+    seen(own, Ray((0.0, 0.0), 0.0, 2.0, 0.01, True, 5.0))
+    assert state(union.of(own, [other]), (2.0, 0.0)) == "occupied"
+    seen(other, Ray((0.0, 0.0), math.pi, 2.0, 0.01, True, 5.0))
+    assert state(union.of(own, [other]), (-2.0, 0.0)) == "occupied"
+    other.block((0.0, 3.0), 0.1)
+    assert state(union.of(own, [other]), (0.0, 3.0)) == "occupied"
+    assert state(union.of(own, []), (0.0, 3.0)) == "unknown"
+    assert state(union.of(own, [other.copy()]), (0.0, 3.0)) == "occupied"
 
 
 @given(st.lists(st.tuples(PLACE, st.floats(-math.pi, math.pi), st.floats(0.5, 5)), max_size=6))

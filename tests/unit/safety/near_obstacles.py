@@ -1,6 +1,7 @@
 """A drone that moves and stores the obstacles near it, for tests of memory and velocity limit."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -59,6 +60,10 @@ class Drone:
 
     def see(self, **readings: RangeReading) -> RangeScan:
         return self.near.see(scan(self._time_s, **readings))
+
+    def see_beside(self, walls_m: Mapping[Beam, float], **readings: RangeReading) -> RangeScan:
+        """Measure beside walls of earlier flights."""
+        return self.near.see(scan(self._time_s, **readings), walls_m)
 
     def sweep(self, **readings: RangeReading) -> None:
         """Sweep the beams over ±0.15 rad and return to the course."""

@@ -82,6 +82,22 @@ def test_a_folded_back_reading_becomes_too_near() -> None:
     assert min(forward_m for forward_m, _ in drone.points) == pytest.approx(0.4, abs=0.03)
 
 
+def test_a_folded_back_reading_beside_a_wall_of_earlier_flights_becomes_too_near() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
+    drone.see(front=at(5.2))  # the light of another drone's sensor
+    folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.4))
+    seen = drone.see_beside({Beam.FRONT: 0.5}, front=folded)
+    assert seen.readings[Beam.FRONT].state is RangeState.TOO_NEAR
+    assert drone.see_beside({Beam.FRONT: 1.1}, front=folded).readings[Beam.FRONT].is_distance
+
+
+def test_a_wall_of_earlier_flights_that_beams_pass_does_not_mark_readings() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
+    for _ in range(20):
+        drone.see(front=at(3.0))
+    assert drone.see_beside({Beam.FRONT: 0.4}, front=at(1.2)).readings[Beam.FRONT].is_distance
+
+
 def test_an_inferred_point_does_not_mark_the_next_reading_as_folded_back() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(right=at(1.1))

@@ -37,8 +37,9 @@ def test_later_flights_go_on_in_the_layer_that_is_left() -> None:
         WORLD, "two layers", 3, SETTINGS.sensors, "ardupilot", {}, RAY, battery_s=BATTERY_S
     )
     flown = list(Sorties(setup, SETTINGS, lambda _: None, tell=print).fly(4))
-    assert not flown[0].flight["completed"]
-    assert flown[-1].flight["completed"], [each.flight["ending"] for each in flown]
+    rows = [row for each in flown for row in each.rows]
+    assert not rows[0]["completed"]
+    assert rows[-1]["completed"], [row["ending"] for row in rows]
     first, last = (each.merged.for_next_flight(PAD.sigma) for each in (flown[0], flown[-1]))
     assert left_to_fly(first, SETTINGS).in_words() == "left: the layers above"
     assert left_to_fly(last, SETTINGS).is_nothing

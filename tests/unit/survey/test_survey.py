@@ -17,20 +17,10 @@ from companion.recording.replay import is_same_map, replay
 from companion.survey.folder import Survey
 from companion.survey.solved import kept_at, kept_or_solved
 from sitl.testing import Sitl
-from tests.worlds import SMALL_ROOM
+from tests.worlds import SMALL_ROOM, TWO_ROOMS
 
 pytestmark = pytest.mark.flights
 
-TWO_ROOMS = """
-name = "two rooms"
-height_m = 2.6
-walls = [
-  { points = [[0, 0], [13, 0], [13, 6], [0, 6]], closed = true },
-  { points = [[4.4, 0], [4.4, 2.2], [4.6, 2.2], [4.6, 0]] },
-  { points = [[4.4, 6], [4.4, 3.4], [4.6, 3.4], [4.6, 6]] },
-]
-starts = [{ name = "pad", position = [2.2, 3.0], heading_deg = 30 }]
-"""
 BATTERY_S = 120
 """Too short for both rooms."""
 

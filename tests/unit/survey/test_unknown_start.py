@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.core.arrays import Array
-from companion.core.frames import moved, wrap_rad
-from companion.survey.evidence import Sight, evidence, inverse
+from companion.core.frames import inverse_starts, moved, wrap_rad
+from companion.survey.evidence import Sight, evidence
 from companion.survey.unknown_start import candidates, different_places, is_same, search_start
 from tests.examples import examples
 from tests.unit.survey.rooms import (
@@ -65,7 +65,7 @@ def test_swapped_flights_agree(start: Array) -> None:
     there, back = search_start(one, other).found, search_start(other, one).found
     assert there is not None
     assert back is not None
-    assert is_same(inverse(back.start[None])[0], there.start)
+    assert is_same(inverse_starts(back.start[None])[0], there.start)
     assert there.agreed_m == pytest.approx(back.agreed_m, abs=1.0)
 
 

@@ -1,5 +1,6 @@
 """Tests the feed: snapshots reach authorized viewers only, and never delay the flight."""
 
+import math
 import socket
 import struct
 from collections.abc import Callable, Iterator
@@ -10,7 +11,7 @@ from threading import Thread
 import pytest
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.config.settings import Config, ViewConfig, load
+from companion.config.settings import Config, MissionConfig, ViewConfig, load
 from companion.core.errors import ConfigError, ViewError
 from companion.core.messages import (
     Beam,
@@ -27,6 +28,8 @@ from companion.pdps.flight.state import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
+from tests.unit.team.rooms import Member
+from tests.unit.team.rooms import config as team_config
 from tests.waiting import DEADLINE_S, PAUSE
 
 TOKEN = "0123456789abcdef"
@@ -54,7 +57,7 @@ def fail(warning: str) -> None:
 
 @pytest.fixture
 def feed() -> Iterator[TcpFeed]:
-    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Mapping(Config()), 0.08, fail)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Mapping(Config()), Config(), fail)
     yield feed
     feed.close()
 
@@ -81,6 +84,28 @@ def test_a_viewer_receives_map_and_pose(feed: TcpFeed) -> None:
     assert first.readings[Beam.UP].state is RangeState.NOTHING
     assert first.mount_offset_m == 0.08
     viewer.close()
+
+
+def test_a_viewer_receives_the_teammates_in_the_frame_of_the_map() -> None:
+    """The second drone stands at 1 m north, 0.5 m east of the first, and looks east."""
+    config = Config(team=team_config(1), mission=MissionConfig(kind="building"))
+    app = Mapping(config)
+    assert app.team is not None
+    listener, teller = Member(1, 0), Member(2, 0)
+    packets = teller.tell(0.0)
+    app.team.mates.hear(0.0, packets, lambda: listener.walls, listener.grid.grid)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, app, config, fail)
+    seen: Queue[Snapshot] = Queue()
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    tick_until(feed, lambda: not seen.empty())
+    first = seen.get(timeout=DEADLINE_S)
+    [mate] = first.mates
+    assert (first.drone, mate.drone) == (1, 2)
+    assert mate.ne_m == pytest.approx((1.0, 0.5))
+    assert mate.yaw_rad == pytest.approx(0.5 * math.pi)
+    assert (mate.phase, mate.battery) == ("exploring", 0.8)
+    viewer.close()
+    feed.close()
 
 
 def test_a_late_viewer_receives_the_map_at_once(feed: TcpFeed) -> None:
@@ -121,7 +146,7 @@ def test_no_sketch_is_made_without_a_viewer(feed: TcpFeed) -> None:
         def sketch(self) -> Sketch:
             raise AssertionError("nobody looks")
 
-    quiet = TcpFeed(("127.0.0.1", 0), TOKEN, Untouched(Config()), 0.08, fail)
+    quiet = TcpFeed(("127.0.0.1", 0), TOKEN, Untouched(Config()), Config(), fail)
     quiet.tick(1.0, INPUTS, outputs(1.0))
     quiet.close()
 
@@ -132,7 +157,7 @@ def test_an_error_ends_the_feed_and_not_the_flight() -> None:
             raise ZeroDivisionError
 
     warnings: list[str] = []
-    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), Config(), warnings.append)
     viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
     tick_until(feed, lambda: bool(warnings))
     assert "ZeroDivisionError" in warnings[0]
