@@ -9,12 +9,21 @@ turns aside. A drone that takes off, descends or lands has the right of way over
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, points_to_frd, wrap_rad
-from companion.core.messages import BEARING_FRD_RAD, STALE, Beam, Pose, RangeScan, RangeState
+from companion.core.messages import (
+    BEARING_FRD_RAD,
+    STALE,
+    Beam,
+    Pose,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
 from companion.core.values import value
 from companion.safety.control_laws import BODY_RADIUS_M, approach_speed
 
@@ -54,6 +63,40 @@ class OtherDrone:
     """It climbs or descends: the space above and below it must be free."""
     has_right_of_way: bool
     """By the order of the drones' numbers."""
+
+
+@value
+class Passing:
+    """State of a drone that lets a teammate pass below, from the climb until it is down again."""
+
+    at_ne_m: Vector2
+    """Place at which it climbs, local NED, m."""
+    ceiling_m: float
+    """Height of the lowest obstacle above that the up beam has measured meanwhile, m. The ceiling
+    may come too near to be measured."""
+
+    def height_m(self, level_m: float, clearance_m: float) -> float:
+        """Height to climb to, m; `level_m` is the height at which the drone flies otherwise."""
+        return min(level_m + PASSING_M, self.ceiling_m - BODY_RADIUS_M - clearance_m)
+
+    def see(self, pose: Pose, up: RangeReading, mount_offset_m: float) -> "Passing":
+        """Lower the ceiling to a reading of the up beam."""
+        above_m = pose.height_m + mount_offset_m + up.distance_m
+        return replace(self, ceiling_m=above_m) if above_m < self.ceiling_m else self
+
+
+def passing_from(
+    pose: Pose, up: RangeReading, mount_offset_m: float, level_m: float, clearance_m: float
+) -> Passing | None:
+    """The state at the begin of a climb; None if the up beam has not measured enough room for it.
+
+    A drone in a doorway must not climb against the lintel.
+    """
+    if not (up.is_distance or up.state is RangeState.NOTHING):
+        return None
+    begun = Passing(pose.ne_m, math.inf).see(pose, up, mount_offset_m)
+    has_room = begun.height_m(level_m, clearance_m) - level_m >= MIN_VERTICAL_M
+    return begun if has_room else None
 
 
 def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[Array, Array]:

@@ -88,7 +88,7 @@ class OnBoardTeam:
             around,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
-            lets_pass=lets_pass(others, pose, level_m, passes=flight.passes_above),
+            lets_pass=lets_pass(others, pose, level_m, passes=flight.passing is not None),
             is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )

@@ -48,7 +48,7 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import HOLD, Beam, Order, Setpoint, Task, VehicleState
+from companion.core.messages import HOLD, STALE, Beam, Order, Setpoint, Task, VehicleState
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
@@ -84,8 +84,9 @@ from companion.safety.control_laws import (
     MAX_CLIMB_M_S,
     approach_speed,
     climb_to,
+    stay,
 )
-from companion.safety.separation import PASSING_M
+from companion.safety.separation import passing_from
 from companion.safety.velocity_guard import guarded
 
 ABOVE_LEVEL_M = 0.2
@@ -135,23 +136,34 @@ def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightS
 def _let_pass(
     flight: FlightState, view: TickInput, plan: MissionConfig, wanted: Setpoint
 ) -> tuple[FlightState, Setpoint]:
-    """Holds the place while the drone is above a teammate, and until it is down again.
+    """Stays at the place while the drone is above a teammate, and until it is down again.
 
     Above the height of the mission the map is not valid, such as under a lintel.
     """
-    is_above = view.observation.pose.height_m > flight.layers.height_m(plan) + ABOVE_LEVEL_M
-    passes = view.around.lets_pass or (flight.passes_above and is_above)
-    passes = passes and flight.phase is not Phase.DESCEND
-    if passes != flight.passes_above:
-        flight = replace(flight, passes_above=passes)
-    return flight, Setpoint(yaw_rate_rad_s=wanted.yaw_rate_rad_s) if passes else wanted
+    observation, level_m = view.observation, flight.layers.height_m(plan)
+    pose, up = observation.pose, observation.ranges.get(Beam.UP, STALE)
+    passing = flight.passing
+    if passing is not None:
+        is_above = pose.height_m > level_m + ABOVE_LEVEL_M
+        is_over = not (view.around.lets_pass or is_above) or flight.phase is Phase.DESCEND
+        passing = None if is_over else passing.see(pose, up, observation.mount_offset_m)
+    elif view.around.lets_pass and flight.phase is not Phase.DESCEND:
+        mount_m = observation.mount_offset_m
+        passing = passing_from(pose, up, mount_m, level_m, plan.clearance_m)
+    if passing is not flight.passing:
+        flight = replace(flight, passing=passing)
+    if passing is None:
+        return flight, wanted
+    staying = stay(passing.at_ne_m, pose)
+    return flight, replace(staying, yaw_rate_rad_s=wanted.yaw_rate_rad_s)
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity, m/s, that keeps the layer's height and the clearance to the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
-    height_m += PASSING_M if flight.passes_above and view.around.lets_pass else 0.0
+    if flight.passing and view.around.lets_pass:
+        height_m = flight.passing.height_m(height_m, plan.clearance_m)
     down_m_s = climb_to(height_m, view.observation.pose.height_m)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
     least_m_s, most_m_s = view.around.climb_limits_m_s

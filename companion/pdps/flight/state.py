@@ -18,6 +18,7 @@ from companion.pdps.frontiers import Places
 from companion.pdps.layers import Layers
 from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
+from companion.safety.separation import Passing
 
 HEARTBEAT_S = 1.0
 """Maximum age of the reported mode at which a command is sent in OFFBOARD, s: the period of
@@ -133,8 +134,8 @@ class FlightState:
     """Time since which the drone is at its height in TAKE_OFF, s."""
     land_mode_seen: bool = False
     """True once the autopilot has reported LAND."""
-    passes_above: bool = False
-    """True from when the drone climbs to let a teammate pass below, until it is down again."""
+    passing: Passing | None = None
+    """From when the drone climbs to let a teammate pass below, until it is down again."""
     obeyed: int = 0
     """Number of the last executed order."""
 

@@ -65,7 +65,7 @@ def test_a_drone_climbs_on_the_spot_to_let_a_teammate_pass_and_comes_down_again(
     """Above the height of the mission it does not fly on, because lintels are not on the map."""
     home = flying(Phase.HOME)
     flight, action = step(home, replace(view(), around=Surroundings(lets_pass=True)), PLAN)
-    assert flight.passes_above
+    assert flight.passing
     assert action.setpoint is not None
     assert action.setpoint.down_m_s < 0
     assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
@@ -75,7 +75,39 @@ def test_a_drone_climbs_on_the_spot_to_let_a_teammate_pass_and_comes_down_again(
     assert action.setpoint.down_m_s > 0
     assert (action.setpoint.forward_m_s, action.setpoint.right_m_s) == (0.0, 0.0)
     flight, action = step(flight, view(), PLAN)
-    assert not flight.passes_above
+    assert not flight.passing
+
+
+def test_a_drone_that_drifts_while_another_passes_returns_to_its_place() -> None:
+    home = flying(Phase.HOME)
+    flight, _ = step(home, replace(view(), around=Surroundings(lets_pass=True)), PLAN)
+    drifted = view(height_m=PLAN.height_m + 0.4, position=(1.1, 0.8))
+    _, action = step(flight, replace(drifted, around=Surroundings(lets_pass=True)), PLAN)
+    assert action.setpoint is not None
+    assert action.setpoint.forward_m_s < 0 < action.setpoint.right_m_s
+
+
+@pytest.mark.parametrize(
+    "above", [RangeReading(RangeState.TOO_NEAR, 0.8), RangeReading(RangeState.DISTANCE, 1.1)]
+)
+def test_a_drone_below_a_lintel_does_not_climb_to_let_a_teammate_pass(above: RangeReading) -> None:
+    seen = replace(view(up=above), around=Surroundings(lets_pass=True))
+    flight, action = step(flying(Phase.HOME), seen, PLAN)
+    assert not flight.passing
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s == pytest.approx(0.0)
+
+
+def test_a_climb_ends_below_a_lintel_that_was_measured_on_the_way() -> None:
+    """The lintel then comes nearer than the sensor measures, and reads as if it were far away."""
+    let_pass = Surroundings(lets_pass=True)
+    flight, _ = step(flying(Phase.HOME), replace(view(), around=let_pass), PLAN)
+    near = view(up=RangeReading(RangeState.TOO_NEAR, 0.6), height_m=PLAN.height_m + 0.2)
+    flight, _ = step(flight, replace(near, around=let_pass), PLAN)
+    folded = view(up=RangeReading(RangeState.DISTANCE, 1.3), height_m=PLAN.height_m + 0.45)
+    _, action = step(flight, replace(folded, around=let_pass), PLAN)
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s >= 0
 
 
 def test_a_drone_that_lets_nobody_pass_flies_on_at_any_height() -> None:
