@@ -248,7 +248,8 @@ class App:
 
     @property
     def _own(self) -> Own:
-        return Own(self.estimator, self.space, self.flight)
+        spaces, ceiling_m = tuple(self._spaces), self._ceiling.height_m
+        return Own(self.estimator, spaces, self.flight, self.overhead, ceiling_m)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
@@ -312,7 +313,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self._team.mates.view(now_s) if self._team else {}),
+                **(self._team.view(now_s, self._own) if self._team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -327,7 +328,7 @@ class App:
         if inputs.order is not None and inputs.order.mission:
             plan = plan.model_copy(update={"kind": inputs.order.mission})
         self.flight, action = phases.step(self.flight, view, plan)
-        if self.flight.layers.number == len(self._spaces):
+        while self.flight.layers.number >= len(self._spaces):
             self._begin_layer()
         if self._team and self._team.mates.notice and not self.flight.notice:
             self.flight = replace(self.flight, notice=self._team.mates.notice)
@@ -343,14 +344,21 @@ class App:
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self._team.mates.joined(self.space.grid) if self._team else self.space.grid
+        own = self._own
+        grid = self._team.space(own, own.layer) if self._team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]
         return grid.with_obstacles(unmapped_ne_m(grid, pose, measured_frd_m))
 
     def _begin_layer(self) -> None:
-        """Start the grid of the next layer from the one below and the low ceilings."""
+        """Start the grid of the next layer from the one below and the low ceilings.
+
+        In a team, what may be flown follows from the joined maps of the layers below.
+        """
+        if self._team:
+            self._spaces.append(RedrawnGrid())
+            return
         plan = self._config.mission
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self.overhead.lower_than(top_m, self._ceiling.height_m)

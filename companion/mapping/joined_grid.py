@@ -1,11 +1,13 @@
 """Joins the grid of this drone with those of its teammates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
+from companion.core.arrays import Array, Mask
+from companion.core.frames import Vector2
 from companion.mapping.occupancy import (
     CELL_M,
     FREE_BELOW,
@@ -50,6 +52,35 @@ def _part(first: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Rows and columns of a grid in the joined one."""
     row, column = first.tolist()
     return np.s_[row : row + shape[0], column : column + shape[1]]
+
+
+def allowed_above(
+    layers: Sequence[Occupancy],
+    seen: Collection[int],
+    low_ne_m: Callable[[int], Sequence[Vector2]],
+) -> Occupancy:
+    """The highest of some layers, where it may be flown: above free space of the layers below.
+
+    `layers` begin with the lowest. One that was not seen completely forbids only where it has
+    obstacles, except the lowest. `low_ne_m` returns the places where something hangs too low for
+    a layer.
+    """
+    *below, highest = layers
+    if not below:
+        return highest
+    free = below[0]
+    for number, grid in enumerate(below[1:], 1):
+        if number in seen:
+            free = free.layer_above(low_ne_m(number), grid)
+        else:
+            free = free.with_obstacles(centres(grid, grid.occupied))
+    return free.layer_above(low_ne_m(len(below)), highest)
+
+
+def centres(grid: Occupancy, cells: Mask) -> Array:
+    """(n, 2): middles of the cells of a mask, m."""
+    corner_ne_m: Array = np.array(grid.place((0, 0)))
+    return corner_ne_m + CELL_M * np.argwhere(cells)
 
 
 def contradicted(other: Occupancy, own: Occupancy, within_m: float) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from companion.core.messages import (
     RangeState,
 )
 from companion.core.values import value
+from companion.mapping.occupancy import Occupancy
 from companion.safety.swept_space import Lane, all_swept
 
 
@@ -30,6 +31,8 @@ class Claim:
     """The mission is complete without it."""
     comes_first: bool
     """Of two drones that arrive at the same time, it goes on."""
+    from_ne_m: Vector2
+    """Where it is."""
 
 
 @value
@@ -47,6 +50,28 @@ class Tracing:
     track_ne_m: Array
     """(m, 2): where it has been along the walls."""
     comes_first: bool
+
+
+@value
+class LayerClaim:
+    """The layer of a teammate in the air."""
+
+    number: int
+    """From the lowest, which is 0."""
+    comes_first: bool
+
+
+@value
+class TeamLayers:
+    """What a drone of a team knows of the layers."""
+
+    claims: tuple[LayerClaim, ...]
+    seen: frozenset[int]
+    """Layers that were seen, by what the teammates say."""
+    space: Callable[[int], Occupancy]
+    """Returns the joined map of a layer."""
+    flown_ne_m: Callable[[int], Array]
+    """Returns the places (n, 2) of a layer that the teammates have flown over."""
 
 
 @value
@@ -81,10 +106,14 @@ class Observation:
     """True if the drone has stayed near an obstacle that it cannot measure there, for so long that
     it may have drifted against it (`obstacle_memory.py`)."""
 
+    is_in_team: bool = False
+    """True if a teammate has told what it has seen."""
     claims: tuple[Claim, ...] = ()
     """What the teammates go to look at."""
     tracings: tuple[Tracing, ...] = ()
     """Teammates that trace the same room."""
+    team_layers: TeamLayers | None = None
+    """None for a drone that flies alone, and in other missions."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

@@ -3,11 +3,17 @@
 A drone tells its teammates what it goes to look at, and when it will be there. A viewpoint whose
 targets a teammate sees sooner is left to it. Of two drones that are equally soon, the first by
 number goes. Both decide by the same rule, so no leader is needed.
+
+Round a building, a drone first goes to the viewpoints that are nearer to it than to a teammate. So
+two drones go round opposite ways, until they meet at its far side.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
 from companion.core.frames import to_nearest_m
+from companion.navigation.grid_planner import ShortestPaths, find_ways
 from companion.navigation.observation import Claim
 from companion.pdps.viewpoints import Viewpoint
 
@@ -23,6 +29,27 @@ EQUALLY_SOON_S = 2.0
 def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) -> bool:
     """True if a teammate sees the targets of a viewpoint sooner than this drone."""
     return any(_is_same(look, claim) and _is_sooner(claim, arrives_in_s) for claim in claims)
+
+
+def nearer(
+    looks: tuple[Viewpoint, ...], ways: ShortestPaths, claims: tuple[Claim, ...]
+) -> tuple[Viewpoint, ...]:
+    """The viewpoints to which no teammate has a shorter path; all, if it has one to each.
+
+    `ways` are the paths of this drone, to all viewpoints.
+    """
+    grid = ways.ground.grid
+    starts = [grid.cell(claim.from_ne_m) for claim in claims if not claim.is_extra]
+    theirs = [
+        find_ways(replace(ways.ground, start=start)).metres for start in starts if grid.has(start)
+    ]
+    cells = [grid.cell(look.from_ne_m) for look in looks]
+    own = tuple(
+        look
+        for look, cell in zip(looks, cells, strict=True)
+        if all(ways.metres[cell] <= metres[cell] for metres in theirs)
+    )
+    return own or looks
 
 
 def _is_same(look: Viewpoint, claim: Claim) -> bool:

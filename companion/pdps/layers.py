@@ -5,17 +5,19 @@
               no path back │  ▼
                            │ OVERFLY ──► DONE
                            └──────────────▲
+    in a team: RETURN ──at the start──► CHOOSE ──► CLIMB, or descend, to the layer that is left
 
 An obstacle at one height need not exist at another. So each layer has its own occupancy grid, in
 which only the column over the start is known at first. In a survey it also has what earlier flights
 saw in that layer; where nothing is left to see, the drone climbs at once. From the highest layer
 it flies over everything once, because the down beam measures tables only from 1 m above them.
 
+A team divides the layers (`layer_choice.py`).
+
 Safety: the drone climbs only over its start, and keeps its clearance to the ceiling.
 """
 
 import enum
-import math
 from dataclasses import dataclass, field, replace
 
 from companion.config.settings import MissionConfig
@@ -23,18 +25,17 @@ from companion.core.messages import HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
 from companion.navigation.grid_planner import START_NE_M
-from companion.navigation.observation import Observation
+from companion.navigation.observation import Observation, TeamLayers
 from companion.navigation.travel_state import Travel, TravelPhase
-from companion.pdps import explore, overflight
+from companion.pdps import explore, layer_choice, overflight
 from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.layer_choice import Choice, fits_above, layer_height_m
 from companion.pdps.overflight import Overfly, OverflyPhase
 from companion.pdps.viewpoints import Viewpoint
 from companion.safety.control_laws import stay
 
 AT_HEIGHT_M = 0.08
 """Maximum height error at which a layer counts as reached, m. Chosen."""
-OVER_HEAD_M = 0.25
-"""Margin between the drone's centre and the ceiling, beyond the clearance, m. Chosen."""
 TO_START = Travel(START_NE_M)
 """Journey back to the start."""
 
@@ -44,6 +45,7 @@ class LayersPhase(enum.Enum):
 
     EXPLORE = "exploring a layer"
     RETURN = "returning to climb"
+    CHOOSE = "choosing a layer"
     CLIMB = "climbing to the next layer"
     OVERFLY = "flying over everything"
     DONE = "all layers were seen"
@@ -61,21 +63,35 @@ class Layers:
     overfly: Overfly = field(default_factory=Overfly)
     looked: tuple[tuple[Viewpoint, ...], ...] = ()
     """Viewpoints in each layer explored before, also by earlier flights, from the lowest."""
+    seen: frozenset[int] = frozenset()
+    """In a team: layers of which it is known that they were seen."""
+    choice: Choice | None = None
+    """In a team: the choice of the next layer; None until the first."""
 
     @classmethod
     def on(cls, number: int, looked: tuple[tuple[Viewpoint, ...], ...]) -> "Layers":
         """The state at the begin of a layer."""
-        tried = looked[number] if number < len(looked) else ()
-        is_known = number > 0 and bool(tried)  # the turn at the lowest layer corrects the heading
-        phase = ExplorePhase.CHOOSE if is_known else ExplorePhase.LOOK
-        return cls(number=number, explore=Explore(phase, tried=tried), looked=looked)
+        layers = cls(number=number, looked=looked)
+        is_known = number > 0 and bool(layers.tried_in(number))
+        return layers.exploring(turns=not is_known)  # the turn at the lowest corrects the heading
+
+    def exploring(self, *, turns: bool) -> "Layers":
+        """The state at the begin of its layer. `turns`: the drone looks round first."""
+        phase = ExplorePhase.LOOK if turns else ExplorePhase.CHOOSE
+        exploring = Explore(phase, tried=self.tried_in(self.number))
+        return replace(self, phase=LayersPhase.EXPLORE, explore=exploring)
+
+    def tried_in(self, number: int) -> tuple[Viewpoint, ...]:
+        """Viewpoints in a layer explored before."""
+        return self.looked[number] if number < len(self.looked) else ()
 
     @property
     def all_looked(self) -> tuple[tuple[Viewpoint, ...], ...]:
         """Viewpoints in each layer so far."""
         if self.phase is not LayersPhase.EXPLORE:
             return self.looked
-        return (*self.looked[: self.number], self.explore.tried, *self.looked[self.number + 1 :])
+        below = (self.tried_in(number) for number in range(self.number))
+        return (*below, self.explore.tried, *self.looked[self.number + 1 :])
 
     def height_m(self, plan: MissionConfig) -> float:
         """Height of the present layer, m."""
@@ -94,11 +110,6 @@ class Layers:
         return str(self.phase.value)
 
 
-def layer_height_m(number: int, plan: MissionConfig) -> float:
-    """Height of a layer, m."""
-    return plan.height_m + number * plan.layer_spacing_m
-
-
 def step(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
@@ -111,6 +122,8 @@ def step(
             return _explore(layers, observation, space, plan)
         case LayersPhase.RETURN:
             return _return(layers, observation, space, plan)
+        case LayersPhase.CHOOSE:
+            return _choose(layers, observation, plan), stay(START_NE_M, observation.pose)
         case LayersPhase.CLIMB:
             return _climb(layers, observation, plan)
         case LayersPhase.OVERFLY:
@@ -124,6 +137,9 @@ def _explore(
 ) -> tuple[Layers, Setpoint]:
     exploring, setpoint = explore.step(layers.explore, observation, space, plan)
     layers = replace(layers, explore=exploring)
+    is_undecided = observation.team_layers is not None and layers.choice is None
+    if is_undecided and exploring.phase is not ExplorePhase.LOOK:
+        return replace(layers, phase=LayersPhase.CHOOSE), setpoint
     if exploring.phase is ExplorePhase.DONE:
         looked = layers.all_looked
         back = replace(layers, phase=LayersPhase.RETURN, travel=TO_START, looked=looked)
@@ -134,7 +150,7 @@ def _explore(
 def _overfly(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    over, setpoint = overflight.step(layers.overfly, observation, space, plan)
+    over, setpoint = overflight.step(layers.overfly, observation, space, plan, layers.number)
     phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
     return replace(layers, phase=phase, overfly=over), setpoint
 
@@ -144,6 +160,8 @@ def _return(
 ) -> tuple[Layers, Setpoint]:
     going, setpoint = travel.step(layers.travel, observation, space, plan)
     if going.phase is TravelPhase.ARRIVED:
+        if observation.team_layers is not None:
+            return replace(layers, phase=LayersPhase.CHOOSE), setpoint
         if fits_above(observation.clear_m(Beam.UP), plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
@@ -153,14 +171,54 @@ def _return(
     return replace(layers, travel=going), setpoint
 
 
-def fits_above(above_m: float, plan: MissionConfig) -> bool:
-    """True if the room above the drone, m, is enough for the next layer."""
-    return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
+def _choose(layers: Layers, observation: Observation, plan: MissionConfig) -> Layers:
+    """Chooses the next layer in a team. At most one map is examined in a tick."""
+    team = observation.team_layers
+    assert team is not None
+    top = layer_choice.highest(layers.choice, layers.number, observation, plan)
+    if layers.choice is None:
+        return _go(layers, layer_choice.first(layers.number, top, team.claims), Choice(top))
+    choice = replace(layers.choice, top=top)
+    layers = replace(layers, seen=layers.seen | team.seen, choice=choice)
+    if not choice.is_all_seen(layers.seen):
+        return _examine(layers, choice, team, observation, plan)
+    if overflight.is_left(layers.overfly, observation, team.space(top), plan, top):
+        return _go(layers, top, choice)
+    return replace(layers, phase=LayersPhase.DONE)
+
+
+def _examine(
+    layers: Layers, choice: Choice, team: TeamLayers, observation: Observation, plan: MissionConfig
+) -> Layers:
+    """Examines the best layer, and goes on there if anything is left to see."""
+    now_s = observation.pose.time_s
+    wanted = layer_choice.wanted(choice, layers.number, layers.seen, team.claims)
+    if not wanted:
+        is_due = now_s - choice.since_s > layer_choice.AGAIN_S
+        return replace(layers, choice=Choice(choice.top, since_s=now_s)) if is_due else layers
+    number, tried = wanted[0], layers.tried_in(wanted[0])
+    if layer_choice.is_left(team.space(number), tried, observation, plan):
+        return _go(layers, number, Choice(choice.top, since_s=now_s))
+    if layer_choice.is_complete(number, layers.seen, team.claims):
+        seen = layers.seen | {number}
+        return replace(layers, seen=seen, choice=Choice(choice.top, since_s=now_s))
+    return replace(layers, choice=replace(choice, examined=choice.examined | {number}))
+
+
+def _go(layers: Layers, number: int, choice: Choice) -> Layers:
+    """Goes on in a layer of the team, over the start."""
+    return replace(layers, phase=LayersPhase.CLIMB, number=number, choice=choice)
 
 
 def _climb(
     layers: Layers, observation: Observation, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    if abs(observation.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
+    if abs(observation.pose.height_m - layers.height_m(plan)) >= AT_HEIGHT_M:
+        return layers, stay(START_NE_M, observation.pose)
+    team = observation.team_layers
+    if team is None:
         return Layers.on(layers.number, layers.looked), HOLD
-    return layers, stay(START_NE_M, observation.pose)
+    if layers.choice is not None and layers.choice.is_all_seen(layers.seen):
+        return replace(layers, phase=LayersPhase.OVERFLY), HOLD
+    turns = not layer_choice.is_begun(team.space(layers.number))
+    return layers.exploring(turns=turns), HOLD

@@ -141,7 +141,8 @@ def _let_pass(
     """
     is_above = view.observation.pose.height_m > flight.layers.height_m(plan) + ABOVE_LEVEL_M
     passes = view.around.lets_pass or (flight.passes_above and is_above)
-    passes = passes and flight.phase is not Phase.DESCEND
+    climbs = flight.phase is Phase.LAYERS and flight.layers.phase is LayersPhase.CLIMB
+    passes = passes and flight.phase is not Phase.DESCEND and not climbs
     if passes != flight.passes_above:
         flight = replace(flight, passes_above=passes)
     return flight, Setpoint(yaw_rate_rad_s=wanted.yaw_rate_rad_s) if passes else wanted

@@ -15,7 +15,7 @@ def look(north_m: float = 0.0) -> Viewpoint:
 
 
 def claim(arrives_in_s: float, *, comes_first: bool) -> Claim:
-    return Claim(PLACES, arrives_in_s, False, comes_first)
+    return Claim(PLACES, arrives_in_s, False, comes_first, PLACES[0])
 
 
 @given(st.floats(0, 100), st.floats(0, 100))

@@ -184,7 +184,7 @@ def test_a_drone_with_other_software_is_told() -> None:
     header = msgspec.msgpack.decode(told)
     header[0] = VERSION + 1
     first.hear(0.0, (msgspec.msgpack.encode(header),))
-    assert "drone 2 sends version 2" in first.team.notice
+    assert f"drone 2 sends version {VERSION + 1}" in first.team.notice
     assert first.team.dropped == 1
 
 
