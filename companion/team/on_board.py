@@ -7,6 +7,7 @@
 A drone that flies alone has no such object.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -37,7 +38,7 @@ from companion.safety.separation import (
 )
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.flight_state import layer_of, needs_column, state_of, track_of
-from companion.team.sharing import OwnMap
+from companion.team.sharing import LOW_PERIOD_S, OwnMap
 from companion.team.team import Team, TeamView
 
 
@@ -69,6 +70,9 @@ class OnBoardTeam:
         self._mission = config.mission
         self._bearings_frd_rad = bearings_frd_rad
         self._others: tuple[OtherDrone, ...] = ()
+        self._now_s = 0.0
+        self._low: dict[int, tuple[float, tuple[Vector2, ...]]] = {}
+        """Places where something hangs too low for each layer, and when they were found, s."""
 
     @classmethod
     def of(
@@ -84,6 +88,7 @@ class OnBoardTeam:
 
         Returns the scan without readings that may be of a teammate instead of a wall.
         """
+        self._now_s = now_s
         walls = partial(walls_of, own.estimator)
         space = own.spaces[own.layer].grid
         self.mates.hear(now_s, packets, walls, space, own.layer)
@@ -123,9 +128,14 @@ class OnBoardTeam:
         return allowed_above(grids, own.flight.layers.seen, partial(self._low_ne_m, own))
 
     def _low_ne_m(self, own: Own, layer: int) -> tuple[Vector2, ...]:
-        """Places where something hangs too low for a layer."""
+        """Places where something hangs too low for a layer, as known some seconds ago."""
+        known_s, places = self._low.get(layer, (-math.inf, ()))
+        if self._now_s - known_s < LOW_PERIOD_S:
+            return places
         top_m = layer_height_m(layer, self._mission) + clear_of_all_m(self._mission)
-        return own.overhead.lower_than(top_m, own.ceiling_m) + self.mates.low_ne_m(top_m)
+        places = own.overhead.lower_than(top_m, own.ceiling_m) + self.mates.low_ne_m(top_m)
+        self._low[layer] = self._now_s, places
+        return places
 
     def tell(self, pose: Pose, own: Own, battery: float | None) -> tuple[bytes, ...]:
         """Packets for the teammates; none before the estimator has started."""

@@ -121,7 +121,8 @@ class Sharing:
         for layer in sorted(range(len(own.spaces)), key=own.layer.__eq__):
             space, least = own.spaces[layer], RAYS_PER_PIECE if layer == own.layer else 1
             while space.ray_count >= (first := self._cut_to.get(layer, 0)) + least:
-                keyframe = space.rays_from(first, RAYS_PER_PIECE)[:, 0]
+                most = min(RAYS_PER_PIECE, space.ray_count - first)
+                keyframe = space.rays_from(first, most)[:, 0]
                 count = int(np.searchsorted(keyframe, keyframe[0] + MAX_KEYFRAMES_PER_PIECE))
                 self._pieces.append((layer, first, count))
                 self._cut_to[layer] = first + count

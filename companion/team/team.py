@@ -17,6 +17,7 @@ from typing import TypedDict
 import numpy as np
 
 from companion.config.team import MAX_DRONES, TeamConfig
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import joined
@@ -177,8 +178,13 @@ class Team:
             tuple(each for each in claims if each is not None),
             frozenset(chain.from_iterable(seen)),
             space,
-            lambda layer: np.vstack([mate.flown_ne_m(layer) for mate in self._credible]),
+            self._flown_ne_m,
         )
+
+    def _flown_ne_m(self, layer: int) -> Array:
+        """(n, 2): places of a layer that the teammates have flown over."""
+        flown = (mate.flown_ne_m(layer) for mate in self._credible)
+        return np.vstack([np.empty((0, 2)), *flown])
 
     @property
     def _credible(self) -> list[Teammate]:

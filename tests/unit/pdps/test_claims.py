@@ -1,11 +1,14 @@
 """Tests that of several drones exactly one looks at a place."""
 
+from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.navigation.observation import Claim
-from companion.pdps.claims import is_claimed
+from companion.pdps.claims import is_claimed, nearer
 from companion.pdps.viewpoints import Viewpoint
+from tests.grids import open_ground, ways_from
 
 PLACES = ((3.0, 0.0), (3.0, 0.5), (3.0, 1.0))
 
@@ -40,3 +43,19 @@ def test_another_place_is_not_claimed(arrives_in_s: float) -> None:
 def test_a_place_near_the_claimed_one_is_the_same() -> None:
     """The maps of two drones differ by the error of their alignment."""
     assert is_claimed(look(0.5), 20.0, (claim(5.0, comes_first=False),))
+
+
+def test_round_a_building_each_drone_goes_to_its_own_side() -> None:
+    """The teammate stands 2 m east of this drone."""
+    west, east = Viewpoint((0.0, -3.0), PLACES), Viewpoint((0.0, 3.0), PLACES)
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    other = replace(claim(5.0, comes_first=True), from_ne_m=(0.0, 2.0))
+    assert nearer((east, west), ways, (other,)) == (west,)
+    assert nearer((east, west), ways, ()) == (east, west)
+
+
+def test_a_drone_goes_to_the_other_side_if_nothing_is_left_on_its_own() -> None:
+    east = Viewpoint((0.0, 3.0), PLACES)
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    other = replace(claim(5.0, comes_first=True), from_ne_m=(0.0, 2.0))
+    assert nearer((east,), ways, (other,)) == (east,)
