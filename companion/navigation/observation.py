@@ -31,8 +31,6 @@ class Claim:
     """The mission is complete without it."""
     comes_first: bool
     """Of two drones that arrive at the same time, it goes on."""
-    from_ne_m: Vector2
-    """Where it is."""
 
 
 @value
@@ -108,6 +106,8 @@ class Observation:
 
     is_in_team: bool = False
     """True if a teammate has told what it has seen."""
+    explorers_ne_m: tuple[Vector2, ...] = ()
+    """Where the teammates are that explore, and do not wait."""
     claims: tuple[Claim, ...] = ()
     """What the teammates go to look at."""
     tracings: tuple[Tracing, ...] = ()

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.frames import to_nearest_m
+from companion.core.arrays import Array
+from companion.core.frames import Vector2, to_nearest_m
 from companion.navigation.grid_planner import ShortestPaths, find_ways
 from companion.navigation.observation import Claim
 from companion.pdps.viewpoints import Viewpoint
@@ -32,17 +33,14 @@ def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) 
 
 
 def nearer(
-    looks: tuple[Viewpoint, ...], ways: ShortestPaths, claims: tuple[Claim, ...]
+    looks: tuple[Viewpoint, ...], ways: ShortestPaths, others_ne_m: tuple[Vector2, ...]
 ) -> tuple[Viewpoint, ...]:
-    """The viewpoints to which no teammate has a shorter path; all, if it has one to each.
+    """The viewpoints to which no teammate has a shorter path; all, if one has to each.
 
     `ways` are the paths of this drone, to all viewpoints.
     """
     grid = ways.ground.grid
-    starts = [grid.cell(claim.from_ne_m) for claim in claims if not claim.is_extra]
-    theirs = [
-        find_ways(replace(ways.ground, start=start)).metres for start in starts if grid.has(start)
-    ]
+    theirs = [_metres_from(place, ways) for place in others_ne_m]
     cells = [grid.cell(look.from_ne_m) for look in looks]
     own = tuple(
         look
@@ -50,6 +48,14 @@ def nearer(
         if all(ways.metres[cell] <= metres[cell] for metres in theirs)
     )
     return own or looks
+
+
+def _metres_from(place_ne_m: Vector2, ways: ShortestPaths) -> Array:
+    """Cost of the path to each cell from the passable cell that is nearest to a place."""
+    passable = np.argwhere(ways.ground.passable)
+    off = np.abs(passable - np.array(ways.ground.grid.cell(place_ne_m)))
+    row, column = passable[int(off.sum(axis=1).argmin())].tolist()
+    return find_ways(replace(ways.ground, start=(row, column))).metres
 
 
 def _is_same(look: Viewpoint, claim: Claim) -> bool:

@@ -261,7 +261,7 @@ def _choose(
         return replace(explore, phase=ExplorePhase.DONE)
     found = explore.looks
     if plan.kind == "exterior":
-        found = nearer(found, explore.ways, observation.claims)
+        found = nearer(found, explore.ways, observation.explorers_ne_m)
     places = tuple(look.from_ne_m for look in found)
     look = found[first_of_tour(explore.ways, places, START_NE_M)]
     going = onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)

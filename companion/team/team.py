@@ -46,6 +46,7 @@ class TeamView(TypedDict, total=False):
     """Fields of an `Observation`."""
 
     is_in_team: bool
+    explorers_ne_m: tuple[Vector2, ...]
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
     team_layers: TeamLayers
@@ -163,9 +164,11 @@ class Team:
     def view(self, now_s: float, layer: int = 0) -> TeamView:
         """What the missions know of the teammates. `layer`: the layer in which this drone is."""
         claims = (mate.claim(now_s, layer) for mate in self._mates.values())
+        explorers = (mate.explorer_ne_m(now_s) for mate in self._mates.values())
         tracings = (mate.tracing(now_s) for mate in self._mates.values())
         return TeamView(
             is_in_team=any(mate.pieces for mate in self._credible),
+            explorers_ne_m=tuple(each for each in explorers if each is not None),
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
         )

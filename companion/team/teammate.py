@@ -299,8 +299,15 @@ class Teammate:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
-        here = self._in_own_frame(state.ne_m)
-        return Claim(places, left_s, state.is_extra, self._comes_first, here)
+        return Claim(places, left_s, state.is_extra, self._comes_first)
+
+    def explorer_ne_m(self, now_s: float) -> Vector2 | None:
+        """Where it is; None unless it explores, and has more to do than extras."""
+        state = self.state
+        if state is None or not self.is_heard(now_s) or not self.is_credible:
+            return None
+        explores = state.is_flying and state.layer is not None and not state.waits
+        return self._in_own_frame(state.ne_m) if explores and not state.is_extra else None
 
     def tracing(self, now_s: float) -> Tracing | None:
         """Its round of the room; None if it traces none."""
