@@ -243,13 +243,11 @@ class App:
         """Take the teammates' packets, and remove readings that may be of teammates."""
         if self._team is None:
             return inputs
-        scan = self._team.hear(now_s, inputs.team, inputs.scan, self._own)
-        return replace(inputs, scan=scan)
+        return replace(inputs, scan=self._team.hear(now_s, inputs.team, inputs.scan, self._own))
 
     @property
     def _own(self) -> Own:
-        spaces, ceiling_m = tuple(self._spaces), self._ceiling.height_m
-        return Own(self.estimator, spaces, self.flight, self.overhead, ceiling_m)
+        return Own(self.estimator, self._spaces, self.flight, self.overhead, self._ceiling.height_m)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
@@ -344,33 +342,27 @@ class App:
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        own = self._own
-        grid = self._team.space(own, own.layer) if self._team else self.space.grid
+        grid = self._team.space(self._own) if self._team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]
         return grid.with_obstacles(unmapped_ne_m(grid, pose, measured_frd_m))
 
     def _begin_layer(self) -> None:
-        """Start the grid of the next layer from the one below and the low ceilings.
-
-        In a team, what may be flown follows from the joined maps of the layers below.
-        """
-        if self._team:
+        """Start the grid of the next layer from the one below and the low ceilings."""
+        if self._team:  # the joined maps say where it may be flown
             self._spaces.append(RedrawnGrid())
             return
-        plan = self._config.mission
+        plan, number = self._config.mission, len(self._spaces)
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self.overhead.lower_than(top_m, self._ceiling.height_m)
-        earlier = self._earlier.spaces[len(self._spaces) :] if self._earlier else ()
-        known = earlier[0] if earlier else None
-        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, known)))
+        known = self._earlier.spaces[number : number + 1] if self._earlier else ()
+        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, *known)))
 
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:
-            flight = self.flight
-            state = flight.activity, flight.trouble
-            self._progress = Progress(now_s, *state, self._walls, flight.notice)
+            state = self.flight.activity, self.flight.trouble
+            self._progress = Progress(now_s, *state, self._walls, self.flight.notice)
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:

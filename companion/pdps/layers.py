@@ -12,30 +12,37 @@ which only the column over the start is known at first. In a survey it also has 
 saw in that layer; where nothing is left to see, the drone climbs at once. From the highest layer
 it flies over everything once, because the down beam measures tables only from 1 m above them.
 
-A team divides the layers (`layer_choice.py`).
+A team divides the layers (`claims.py`).
 
 Safety: the drone climbs only over its start, and keeps its clearance to the ceiling.
 """
 
 import enum
+import math
 from dataclasses import dataclass, field, replace
 
 from companion.config.settings import MissionConfig
+from companion.config.team import MAX_LAYERS
 from companion.core.messages import HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
-from companion.navigation.grid_planner import START_NE_M
+from companion.navigation.grid_planner import START_NE_M, find_ground, find_ways
 from companion.navigation.observation import Observation, TeamLayers
 from companion.navigation.travel_state import Travel, TravelPhase
-from companion.pdps import explore, layer_choice, overflight
+from companion.pdps import explore, overflight
+from companion.pdps.claims import Choice, first_layer, is_complete, wanted_layers
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.layer_choice import Choice, fits_above, layer_height_m
 from companion.pdps.overflight import Overfly, OverflyPhase
-from companion.pdps.viewpoints import Viewpoint
+from companion.pdps.viewpoints import Viewpoint, looks
 from companion.safety.control_laws import stay
+from companion.safety.velocity_guard import clear_of_all_m
 
 AT_HEIGHT_M = 0.08
 """Maximum height error at which a layer counts as reached, m. Chosen."""
+OVER_HEAD_M = 0.25
+"""Margin between the drone's centre and the ceiling, beyond the clearance, m. Chosen."""
+CHOOSES_AGAIN_S = 2.0
+"""Time of waiting before the layers are examined again, in a team, s. Chosen."""
 TO_START = Travel(START_NE_M)
 """Journey back to the start."""
 
@@ -110,6 +117,11 @@ class Layers:
         return str(self.phase.value)
 
 
+def layer_height_m(number: int, plan: MissionConfig) -> float:
+    """Height of a layer, m."""
+    return plan.height_m + number * plan.layer_spacing_m
+
+
 def step(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
@@ -175,9 +187,9 @@ def _choose(layers: Layers, observation: Observation, plan: MissionConfig) -> La
     """Chooses the next layer in a team. At most one map is examined in a tick."""
     team = observation.team_layers
     assert team is not None
-    top = layer_choice.highest(layers.choice, layers.number, observation, plan)
+    top = _highest(layers.choice, layers.number, observation, plan)
     if layers.choice is None:
-        return _go(layers, layer_choice.first(layers.number, top, team.claims), Choice(top))
+        return _go(layers, first_layer(layers.number, top, team.claims), Choice(top))
     choice = replace(layers.choice, top=top)
     layers = replace(layers, seen=layers.seen | team.seen, choice=choice)
     if not choice.is_all_seen(layers.seen):
@@ -192,14 +204,14 @@ def _examine(
 ) -> Layers:
     """Examines the best layer, and goes on there if anything is left to see."""
     now_s = observation.pose.time_s
-    wanted = layer_choice.wanted(choice, layers.number, layers.seen, team.claims)
+    wanted = wanted_layers(choice, layers.number, layers.seen, team.claims)
     if not wanted:
-        is_due = now_s - choice.since_s > layer_choice.AGAIN_S
+        is_due = now_s - choice.since_s > CHOOSES_AGAIN_S
         return replace(layers, choice=Choice(choice.top, since_s=now_s)) if is_due else layers
     number, tried = wanted[0], layers.tried_in(wanted[0])
-    if layer_choice.is_left(team.space(number), tried, observation, plan):
+    if _is_left(team.space(number), tried, observation, plan):
         return _go(layers, number, Choice(choice.top, since_s=now_s))
-    if layer_choice.is_complete(number, layers.seen, team.claims):
+    if is_complete(number, layers.seen, team.claims):
         seen = layers.seen | {number}
         return replace(layers, seen=seen, choice=Choice(choice.top, since_s=now_s))
     return replace(layers, choice=replace(choice, examined=choice.examined | {number}))
@@ -208,6 +220,43 @@ def _examine(
 def _go(layers: Layers, number: int, choice: Choice) -> Layers:
     """Goes on in a layer of the team, over the start."""
     return replace(layers, phase=LayersPhase.CLIMB, number=number, choice=choice)
+
+
+def _is_begun(space: Occupancy) -> bool:
+    """True if the space over the start is known in a layer."""
+    cell = space.cell(START_NE_M)
+    return space.has(cell) and bool(space.free[cell])
+
+
+def _is_left(
+    space: Occupancy, tried: tuple[Viewpoint, ...], observation: Observation, plan: MissionConfig
+) -> bool:
+    """True if a layer was not begun, or something in it can be reached from the start and seen."""
+    if not _is_begun(space):
+        return True
+    ways = find_ways(find_ground(space, START_NE_M, clear_of_all_m(plan)))
+    return any(not look.is_extra for look in looks(ways, observation, plan, tried))
+
+
+def fits_above(above_m: float, plan: MissionConfig) -> bool:
+    """True if the room above the drone, m, is enough for the next layer."""
+    return _number_above(above_m, plan) > 0
+
+
+def _number_above(above_m: float, plan: MissionConfig) -> int:
+    """Number of layers that fit into the room above the drone, m; 1 if no ceiling is in range."""
+    if math.isinf(above_m):
+        return 1
+    room_m = above_m - plan.clearance_m - OVER_HEAD_M
+    return max(math.floor(room_m / plan.layer_spacing_m), 0)
+
+
+def _highest(
+    choice: Choice | None, present: int, observation: Observation, plan: MissionConfig
+) -> int:
+    """The highest layer that fits above the start, over which the drone is in a layer."""
+    now = present + _number_above(observation.clear_m(Beam.UP), plan)
+    return min(max(choice.top if choice else 0, now), MAX_LAYERS - 1)
 
 
 def _climb(
@@ -220,5 +269,5 @@ def _climb(
         return Layers.on(layers.number, layers.looked), HOLD
     if layers.choice is not None and layers.choice.is_all_seen(layers.seen):
         return replace(layers, phase=LayersPhase.OVERFLY), HOLD
-    turns = not layer_choice.is_begun(team.space(layers.number))
+    turns = not _is_begun(team.space(layers.number))
     return layers.exploring(turns=turns), HOLD

@@ -15,7 +15,7 @@ from companion.navigation.grid_planner import START_NE_M, find_ground, find_ways
 from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.frontiers import frontiers
-from companion.pdps.layer_choice import fits_above, layer_height_m
+from companion.pdps.layers import fits_above, layer_height_m
 from companion.pdps.viewpoints import looks
 from companion.safety.velocity_guard import clear_of_all_m
 

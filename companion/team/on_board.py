@@ -8,7 +8,7 @@ A drone that flies alone has no such object.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +25,7 @@ from companion.mapping.low_ceilings import Overhead
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.pdps.flight.state import FlightState
-from companion.pdps.layer_choice import layer_height_m
+from companion.pdps.layers import layer_height_m
 from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.separation import (
@@ -47,7 +47,7 @@ class Own:
     """The parts of this drone's flight that the team uses."""
 
     estimator: Estimator | None
-    spaces: tuple[RedrawnGrid, ...]
+    spaces: Sequence[RedrawnGrid]
     """Of each layer, from the lowest."""
     flight: FlightState
     overhead: Overhead
@@ -120,8 +120,9 @@ class OnBoardTeam:
             view["team_layers"] = self.mates.layers(now_s, partial(self.space, own))
         return view
 
-    def space(self, own: Own, layer: int) -> Occupancy:
-        """The joined map of a layer, where it may be flown."""
+    def space(self, own: Own, layer: int | None = None) -> Occupancy:
+        """The joined map of a layer, by default of the present one, and where it may be flown."""
+        layer = own.layer if layer is None else layer
         own_grids = [*(space.grid for space in own.spaces[: layer + 1])]
         own_grids += [Occupancy() for _ in range(layer + 1 - len(own_grids))]
         grids = [self.mates.joined(grid, number) for number, grid in enumerate(own_grids)]

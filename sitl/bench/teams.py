@@ -15,7 +15,7 @@ from companion.config.settings import MissionConfig
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Hit
 from companion.pdps.flight.state import Phase
-from companion.pdps.layer_choice import layer_height_m
+from companion.pdps.layers import layer_height_m
 from companion.pdps.room_scan_state import ScanPhase
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world

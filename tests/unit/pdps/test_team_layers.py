@@ -12,9 +12,9 @@ from companion.core.messages import Beam, Pose, RangeReading, RangeState
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import LayerClaim, Observation, TeamLayers
 from companion.navigation.travel_state import Travel, TravelPhase
-from companion.pdps import layer_choice, layers
+from companion.pdps import layers
+from companion.pdps.claims import Choice, first_layer, is_complete, wanted_layers
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.layer_choice import Choice
 from companion.pdps.layers import Layers, LayersPhase
 from tests.grids import open_ground, walled
 
@@ -46,9 +46,9 @@ def chosen(begun: Layers, seen: Observation, ticks: int = 5) -> Layers:
 
 
 def test_the_first_drone_begins_at_the_lowest_layer_and_the_second_at_the_highest() -> None:
-    assert layer_choice.first(0, 3, (LayerClaim(0, comes_first=False),)) == 0
-    assert layer_choice.first(0, 3, (LayerClaim(0, comes_first=True),)) == 3
-    assert layer_choice.first(0, 3, ()) == 0
+    assert first_layer(0, 3, (LayerClaim(0, comes_first=False),)) == 0
+    assert first_layer(0, 3, (LayerClaim(0, comes_first=True),)) == 3
+    assert first_layer(0, 3, ()) == 0
 
 
 @given(st.integers(1, 8), st.integers(0, 9))
@@ -56,29 +56,29 @@ def test_drones_that_choose_at_the_same_time_begin_in_different_layers(
     drones: int, top: int
 ) -> None:
     claims = tuple(LayerClaim(0, comes_first=True) for _ in range(drones))
-    begun = [layer_choice.first(0, top, claims[:before]) for before in range(drones)]
+    begun = [first_layer(0, top, claims[:before]) for before in range(drones)]
     assert len(set(begun)) == min(drones, top + 1)
 
 
 def test_a_drone_takes_the_nearest_layer_that_nobody_has() -> None:
     claims = (LayerClaim(1, comes_first=False),)
-    assert layer_choice.wanted(Choice(4), 0, frozenset({0}), claims)[0] == 2
-    assert layer_choice.wanted(Choice(4), 4, frozenset({4}), claims)[0] == 3
+    assert wanted_layers(Choice(4), 0, frozenset({0}), claims)[0] == 2
+    assert wanted_layers(Choice(4), 4, frozenset({4}), claims)[0] == 3
 
 
 def test_a_drone_helps_where_a_teammate_is_if_no_other_layer_is_left() -> None:
     claims = (LayerClaim(1, comes_first=True),)
-    assert layer_choice.wanted(Choice(2), 2, frozenset({0, 2}), claims) == [1]
+    assert wanted_layers(Choice(2), 2, frozenset({0, 2}), claims) == [1]
 
 
 def test_the_layer_of_a_drone_that_has_landed_is_taken_over() -> None:
-    assert layer_choice.wanted(Choice(1), 1, frozenset({1}), ()) == [0]
+    assert wanted_layers(Choice(1), 1, frozenset({1}), ()) == [0]
 
 
 def test_a_layer_was_seen_only_if_all_below_were_seen_and_nobody_is_there() -> None:
-    assert layer_choice.is_complete(1, frozenset({0}), ())
-    assert not layer_choice.is_complete(1, NO_LAYER, ())
-    assert not layer_choice.is_complete(0, NO_LAYER, (LayerClaim(0, comes_first=False),))
+    assert is_complete(1, frozenset({0}), ())
+    assert not is_complete(1, NO_LAYER, ())
+    assert not is_complete(0, NO_LAYER, (LayerClaim(0, comes_first=False),))
 
 
 def test_after_the_first_turn_the_second_drone_climbs_to_the_highest_layer() -> None:
@@ -130,5 +130,6 @@ def test_the_flight_over_everything_begins_at_the_highest_layer() -> None:
 
 def test_a_drone_that_meets_no_ceiling_knows_one_layer_more() -> None:
     nothing = RangeReading(RangeState.NOTHING)
-    open_air = replace(sight(), ranges={Beam.UP: nothing})
-    assert layer_choice.highest(None, 1, open_air, LAYERED) == 2
+    open_air = replace(sight(LayerClaim(0, comes_first=True)), ranges={Beam.UP: nothing})
+    climbing = chosen(Layers(LayersPhase.CHOOSE), open_air)
+    assert (climbing.phase, climbing.number) == (LayersPhase.CLIMB, 1)
