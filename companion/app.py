@@ -58,7 +58,7 @@ from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
-from companion.team.on_board import OnBoardTeam, Own
+from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
 
 EXPLORING_PHASES = frozenset(
     {
@@ -147,7 +147,7 @@ class App:
         self, config: Config, earlier: EarlierFlights | None = None, *, instance: int = 0
     ) -> None:
         """`instance` tells teammates of a restart of the program: it differs then."""
-        self._config = config
+        config = self._config = with_layers_apart(config)
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)

@@ -112,7 +112,11 @@ def wanted_layers(
     left = set(range(choice.top + 1)) - seen - choice.examined
     return sorted(
         left,
-        key=lambda number: (_is_others(number, present, claims), abs(number - present), number),
+        key=lambda number: (
+            is_others_layer(number, present, claims),
+            abs(number - present),
+            number,
+        ),
     )
 
 
@@ -122,7 +126,7 @@ def is_complete(number: int, seen: frozenset[int], claims: tuple[LayerClaim, ...
     return is_free and seen.issuperset(range(number))
 
 
-def _is_others(number: int, present: int, claims: tuple[LayerClaim, ...]) -> bool:
+def is_others_layer(number: int, present: int, claims: tuple[LayerClaim, ...]) -> bool:
     """True if a layer is a teammate's. Of two drones in one layer, the first has it."""
     return any(
         claim.number == number and (claim.comes_first or number != present) for claim in claims

@@ -30,7 +30,7 @@ from companion.navigation.grid_planner import START_NE_M, find_ground, find_ways
 from companion.navigation.observation import Observation, TeamLayers
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps import explore, overflight
-from companion.pdps.claims import Choice, first_layer, is_complete, wanted_layers
+from companion.pdps.claims import Choice, first_layer, is_complete, is_others_layer, wanted_layers
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.overflight import Overfly, OverflyPhase
 from companion.pdps.viewpoints import Viewpoint, looks
@@ -163,8 +163,13 @@ def _overfly(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     over, setpoint = overflight.step(layers.overfly, observation, space, plan, layers.number)
-    phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
-    return replace(layers, phase=phase, overfly=over), setpoint
+    layers = replace(layers, overfly=over)
+    if over.phase is not OverflyPhase.DONE:
+        return layers, setpoint
+    team, choice = observation.team_layers, layers.choice
+    if team is None or choice is None or choice.is_all_seen(layers.seen | team.seen):
+        return replace(layers, phase=LayersPhase.DONE), setpoint
+    return replace(layers, phase=LayersPhase.RETURN, travel=TO_START), setpoint
 
 
 def _return(
@@ -202,9 +207,16 @@ def _choose(layers: Layers, observation: Observation, plan: MissionConfig) -> La
 def _examine(
     layers: Layers, choice: Choice, team: TeamLayers, observation: Observation, plan: MissionConfig
 ) -> Layers:
-    """Examines the best layer, and goes on there if anything is left to see."""
+    """Examines the best layer, and goes on there if anything is left to see.
+
+    While teammates have all that are left, a drone at the highest layer flies over everything.
+    """
     now_s = observation.pose.time_s
     wanted = wanted_layers(choice, layers.number, layers.seen, team.claims)
+    helps = not wanted or is_others_layer(wanted[0], layers.number, team.claims)
+    is_due = layers.number == choice.top and layers.overfly.phase is not OverflyPhase.DONE
+    if helps and is_due:
+        return replace(layers, phase=LayersPhase.OVERFLY)
     if not wanted:
         is_due = now_s - choice.since_s > CHOOSES_AGAIN_S
         return replace(layers, choice=Choice(choice.top, since_s=now_s)) if is_due else layers
@@ -268,6 +280,7 @@ def _climb(
     if team is None:
         return Layers.on(layers.number, layers.looked), HOLD
     if layers.choice is not None and layers.choice.is_all_seen(layers.seen):
-        return replace(layers, phase=LayersPhase.OVERFLY), HOLD
+        over = replace(layers.overfly, phase=OverflyPhase.CHOOSE)
+        return replace(layers, phase=LayersPhase.OVERFLY, overfly=over), HOLD
     turns = not _is_begun(team.space(layers.number))
     return layers.exploring(turns=turns), HOLD

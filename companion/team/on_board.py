@@ -41,6 +41,10 @@ from companion.team.flight_state import layer_of, needs_column, state_of, track_
 from companion.team.sharing import LOW_PERIOD_S, OwnMap
 from companion.team.team import Team, TeamView
 
+LAYERS_APART_M = 0.7
+"""Least height between two layers of a team, m. Chosen: beyond `MIN_VERTICAL_M`, by the errors of
+two heights."""
+
 
 @value
 class Own:
@@ -57,6 +61,15 @@ class Own:
     def layer(self) -> int:
         """The layer in which it flies."""
         return self.flight.layers.number
+
+
+def with_layers_apart(config: Config) -> Config:
+    """The configuration of a team with layers so far apart that drones pass over each other."""
+    plan = config.mission
+    if not config.team.name or plan.layer_spacing_m >= LAYERS_APART_M:
+        return config
+    apart = plan.model_copy(update={"layer_spacing_m": LAYERS_APART_M})
+    return config.model_copy(update={"mission": apart})
 
 
 class OnBoardTeam:

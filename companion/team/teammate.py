@@ -274,11 +274,12 @@ class Teammate:
         return other_waits if state.waits != other_waits else self._comes_first
 
     def layer_claim(self, now_s: float) -> LayerClaim | None:
-        """Its layer; None if it has none, or is not heard any more."""
+        """Its layer; None if it has none, has only extras left, or is not heard any more."""
         state = self.state
         if state is None or not self.is_heard(now_s) or not self.is_credible:
             return None
-        return None if state.layer is None else LayerClaim(state.layer, self._comes_first)
+        has_none = state.layer is None or state.is_extra
+        return None if has_none else LayerClaim(state.layer, self._comes_first)
 
     def flown_ne_m(self, layer: int) -> Array:
         """(n, 2): places of a layer that it has flown over."""

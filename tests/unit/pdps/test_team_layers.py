@@ -16,6 +16,7 @@ from companion.pdps import layers
 from companion.pdps.claims import Choice, first_layer, is_complete, wanted_layers
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.overflight import Overfly, OverflyPhase
 from tests.grids import open_ground, walled
 
 LAYERED = MissionConfig(kind="layers")
@@ -103,9 +104,17 @@ def test_a_layer_in_which_nothing_is_left_is_told_as_seen() -> None:
     assert seen.seen == {0, 1, 2}
 
 
-def test_a_drone_waits_while_a_teammate_is_in_the_last_layer() -> None:
+def test_while_a_teammate_has_the_last_layer_a_drone_at_the_highest_flies_over_it() -> None:
     last = sight(LayerClaim(1, comes_first=True), seen=(0,), spaces=(SEEN,) * 3, above_m=0.6)
-    waiting = chosen(Layers(LayersPhase.CHOOSE, choice=Choice(2), number=2), last)
+    over = chosen(Layers(LayersPhase.CHOOSE, choice=Choice(2), number=2), last)
+    assert over.phase is LayersPhase.OVERFLY
+
+
+def test_a_drone_with_nothing_to_fly_over_waits_for_the_teammate_in_the_last_layer() -> None:
+    last = sight(LayerClaim(1, comes_first=True), seen=(0,), spaces=(SEEN,) * 3, above_m=0.6)
+    flown = Overfly(OverflyPhase.DONE)
+    begun = Layers(LayersPhase.CHOOSE, choice=Choice(2), number=2, overfly=flown)
+    waiting = chosen(begun, last)
     assert waiting.phase is LayersPhase.CHOOSE
     assert waiting.seen == {0}
 
