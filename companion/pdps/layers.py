@@ -51,9 +51,9 @@ class LayersPhase(enum.Enum):
     """States of the diagram above."""
 
     EXPLORE = "exploring a layer"
-    RETURN = "returning to climb"
+    RETURN = "returning to change the layer"
     CHOOSE = "choosing a layer"
-    CLIMB = "climbing to the next layer"
+    CLIMB = "going to the next layer"
     OVERFLY = "flying over everything"
     DONE = "all layers were seen"
 
