@@ -2,9 +2,9 @@
 
 **Viewpoints.** A drone tells its teammates what it goes to look at, and when it will be there. A
 viewpoint whose targets a teammate sees sooner is left to it. Of two drones that are equally soon,
-the first by number goes. All decide by the same rule. Round a building, a drone first goes to the
-viewpoints that are nearer to it than to a teammate. So two drones go round opposite ways, until
-they meet at its far side.
+the first by number goes. All decide by the same rule. Round a building, a drone goes to the
+viewpoints on its side that is turned away from its teammates, as long as there are any. So two
+drones go round opposite ways, until they meet at its far side.
 
 **Layers.** A drone tells in which layer it is, and which layers were seen.
 
@@ -37,6 +37,9 @@ SAME_SHARE = 0.5
 """A viewpoint with more than this share of its targets claimed is claimed. Chosen."""
 EQUALLY_SOON_S = 2.0
 """Two drones are equally soon within this time, s. Chosen."""
+OWN_SIDE_SHARE = 0.1
+"""A drone may turn back for a viewpoint by half of this share of its distance to the nearest
+teammate. Chosen: little at the begin, when the drones are near each other, and 2 m later."""
 
 
 def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) -> bool:
@@ -44,22 +47,24 @@ def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) 
     return any(_is_same(look, claim) and _is_sooner(claim, arrives_in_s) for claim in claims)
 
 
-def nearer(
+def on_own_side(
     looks: tuple[Viewpoint, ...], ways: ShortestPaths, others_ne_m: tuple[Vector2, ...]
 ) -> tuple[Viewpoint, ...]:
-    """The viewpoints to which no teammate has a shorter path; all, if one has to each.
+    """The viewpoints on the side of this drone that is turned away from its teammates.
 
-    `ways` are the paths of this drone, to all viewpoints.
+    To those the nearest teammate's path leads past this drone, so it is longer than the own one by
+    the distance between both. `ways` are the paths of this drone, to all viewpoints.
     """
-    grid = ways.ground.grid
-    theirs = [_metres_from(place, ways) for place in others_ne_m]
-    cells = [grid.cell(look.from_ne_m) for look in looks]
-    own = tuple(
-        look
-        for look, cell in zip(looks, cells, strict=True)
-        if all(ways.metres[cell] <= metres[cell] for metres in theirs)
-    )
-    return own or looks
+    start = ways.ground.start
+    paths = (_metres_from(place, ways) for place in others_ne_m)
+    theirs = [metres for metres in paths if math.isfinite(metres[start])]
+    if not theirs:
+        return looks
+    cells = tuple(np.array([ways.ground.grid.cell(look.from_ne_m) for look in looks]).T)
+    apart_m = min(float(metres[start]) for metres in theirs)
+    ahead_m = np.min([metres[cells] for metres in theirs], axis=0) - ways.metres[cells]
+    is_own = ahead_m >= ahead_m.max() - OWN_SIDE_SHARE * apart_m
+    return tuple(look for look, own in zip(looks, is_own.tolist(), strict=True) if own)
 
 
 def _metres_from(place_ne_m: Vector2, ways: ShortestPaths) -> Array:
