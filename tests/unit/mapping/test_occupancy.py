@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -139,3 +140,15 @@ def test_above_a_layer_that_was_seen_only_its_free_space_may_be_flown() -> None:
     for was_seen, is_allowed in (((), True), ((1,), False)):
         grid = allowed_above(layers, was_seen, lambda _: ())
         assert grid.allowed[grid.cell((0.0, 3.5))] == is_allowed
+
+
+def test_a_doorway_of_the_lowest_layer_is_shut_above_until_that_was_seen() -> None:
+    """No drone may have passed below its lintel yet."""
+    rooms = swept((0.0, 0.0), (5.0, 0.0))
+    for east_m in np.arange(-0.4, 0.41, 0.1).tolist():
+        seen(rooms, Ray((0.0, east_m), 0.0, 5.0, 0.01, False, 0.0))
+    for was_seen in ((), (0,)):
+        grid = allowed_above((rooms, Occupancy()), was_seen, lambda _: ())
+        assert grid.allowed[grid.cell((0.0, 0.0))]
+        assert grid.allowed[grid.cell((5.0, 0.0))]
+        assert grid.allowed[grid.cell((2.5, 0.0))] == bool(was_seen)
