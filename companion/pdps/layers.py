@@ -105,6 +105,14 @@ class Layers:
         return layer_height_m(self.number, plan)
 
     @property
+    def may_pass_above(self) -> bool:
+        """True unless the drone is in the highest layer of a team.
+
+        There the ceiling is nearer than an up beam may measure, and a climb could reach it.
+        """
+        return self.choice is None or self.number < self.choice.top
+
+    @property
     def is_extra(self) -> bool:
         """True if all layers were seen. The rest of the mission may end early."""
         return self.phase is LayersPhase.OVERFLY

@@ -121,7 +121,8 @@ class OnBoardTeam:
             around,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
-            lets_pass=lets_pass(others, pose, level_m, passes=flight.passes_above),
+            lets_pass=flight.layers.may_pass_above
+            and lets_pass(others, pose, level_m, passes=flight.passes_above),
             is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )

@@ -142,3 +142,9 @@ def test_a_drone_that_meets_no_ceiling_knows_one_layer_more() -> None:
     open_air = replace(sight(LayerClaim(0, comes_first=True)), ranges={Beam.UP: nothing})
     climbing = chosen(Layers(LayersPhase.CHOOSE), open_air)
     assert (climbing.phase, climbing.number) == (LayersPhase.CLIMB, 1)
+
+
+def test_a_drone_in_the_highest_layer_does_not_climb_to_let_another_pass() -> None:
+    """The up beam may measure nothing so near the ceiling."""
+    assert Layers(number=1, choice=Choice(2)).may_pass_above
+    assert not Layers(number=2, choice=Choice(2)).may_pass_above
