@@ -278,8 +278,9 @@ class Teammate:
         state = self.state
         if state is None or not self.is_heard(now_s) or not self.is_credible:
             return None
-        has_none = state.layer is None or state.is_extra
-        return None if has_none else LayerClaim(state.layer, self._comes_first)
+        if state.layer is None or state.is_extra:
+            return None
+        return LayerClaim(state.layer, self._comes_first)
 
     def flown_ne_m(self, layer: int) -> Array:
         """(n, 2): places of a layer that it has flown over."""
