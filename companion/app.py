@@ -58,7 +58,7 @@ from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, walls_ahead_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
-from companion.team.on_board import OnBoardTeam, Own
+from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
 
 EXPLORING_PHASES = frozenset(
     {
@@ -147,7 +147,7 @@ class App:
         self, config: Config, earlier: EarlierFlights | None = None, *, instance: int = 0
     ) -> None:
         """`instance` tells teammates of a restart of the program: it differs then."""
-        self._config = config
+        config = self._config = with_layers_apart(config)
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
         self._mounts = Mounts(config.sensors)
@@ -246,7 +246,7 @@ class App:
 
     @property
     def _own(self) -> Own:
-        return Own(self.estimator, self.space, self.flight)
+        return Own(self.estimator, self._spaces, self.flight, self.overhead, self._ceiling.height_m)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
@@ -312,7 +312,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self.team.mates.view(now_s) if self.team else {}),
+                **(self.team.view(now_s, self._own) if self.team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,
@@ -327,7 +327,7 @@ class App:
         if inputs.order is not None and inputs.order.mission:
             plan = plan.model_copy(update={"kind": inputs.order.mission})
         self.flight, action = phases.step(self.flight, view, plan)
-        if self.flight.layers.number == len(self._spaces):
+        while self.flight.layers.number >= len(self._spaces):
             self._begin_layer()
         if self.team and self.team.mates.notice and not self.flight.notice:
             self.flight = replace(self.flight, notice=self.team.mates.notice)
@@ -343,7 +343,7 @@ class App:
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""
-        grid = self.team.mates.joined(self.space.grid) if self.team else self.space.grid
+        grid = self.team.space(self._own) if self.team else self.space.grid
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]
@@ -351,18 +351,19 @@ class App:
 
     def _begin_layer(self) -> None:
         """Start the grid of the next layer from the one below and the low ceilings."""
-        plan = self._config.mission
+        if self.team:  # the joined maps say where it may be flown
+            self._spaces.append(RedrawnGrid())
+            return
+        plan, number = self._config.mission, len(self._spaces)
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self.overhead.lower_than(top_m, self._ceiling.height_m)
-        earlier = self._earlier.spaces[len(self._spaces) :] if self._earlier else ()
-        known = earlier[0] if earlier else None
-        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, known)))
+        known = self._earlier.spaces[number : number + 1] if self._earlier else ()
+        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low, *known)))
 
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:
-            flight = self.flight
-            state = flight.activity, flight.trouble
-            self._progress = Progress(now_s, *state, self._walls, flight.notice)
+            state = self.flight.activity, self.flight.trouble
+            self._progress = Progress(now_s, *state, self._walls, self.flight.notice)
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:
@@ -379,8 +380,9 @@ class App:
         if self.estimator is None:
             return Sketch(earlier_walls=self._earlier_walls)
         traced, ceiling_m = self.estimator.so_far(), self._ceiling.height_m
-        sketched = traced.thinned(MAX_SKETCHED)
-        return Sketch(_segments(traced), *sketched, ceiling_m, self._earlier_walls)
+        return Sketch(
+            _segments(traced), *traced.thinned(MAX_SKETCHED), ceiling_m, self._earlier_walls
+        )
 
     def _drawn_up(self, traced: SolvedFlight) -> FloorPlan:
         return FloorPlan(

@@ -9,7 +9,9 @@ from companion.config.range_sensors import Group
 
 MAX_DRONES = 8
 """Most drones of a team. Chosen."""
-TEAM_DRONES = {"room": 2, "building": MAX_DRONES}
+MAX_LAYERS = 64
+"""Most layers that a team flies. Chosen: 38 m above the lowest, at the usual spacing."""
+TEAM_DRONES = {"room": 2, "building": MAX_DRONES, "exterior": MAX_DRONES, "layers": MAX_DRONES}
 """Missions that a team divides, and between how many drones."""
 
 

@@ -1,18 +1,24 @@
 """Joins the grid of this drone with those of its teammates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_closing, binary_dilation, distance_transform_edt
 
+from companion.core.arrays import Array, Mask
+from companion.core.frames import Vector2
 from companion.mapping.occupancy import (
     CELL_M,
     FREE_BELOW,
+    GAP_CELLS,
     MAX_LOG_ODDS,
     OCCUPIED_ABOVE,
     Occupancy,
 )
+
+OPENING_M = 0.9
+"""Radius of the disc, m. Chosen: more than half the width of a doorway."""
 
 
 class JoinedGrid:
@@ -66,6 +72,45 @@ def _part(first: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Rows and columns of a grid in the joined one."""
     row, column = first.tolist()
     return np.s_[row : row + shape[0], column : column + shape[1]]
+
+
+def allowed_above(
+    layers: Sequence[Occupancy],
+    seen: Collection[int],
+    low_ne_m: Callable[[int], Sequence[Vector2]],
+) -> Occupancy:
+    """The highest of some layers, where it may be flown: above free space of the layers below.
+
+    `layers` begin with the lowest. One that was not seen completely forbids only where it has
+    obstacles, except the lowest: its openings are shut until it was seen, as beams look through
+    a doorway before any drone has passed below its lintel. `low_ne_m` returns the places where
+    something hangs too low for a layer.
+    """
+    *below, highest = layers
+    if not below:
+        return highest
+    free = below[0] if 0 in seen else below[0].with_obstacles(_openings_ne_m(below[0]))
+    for number, grid in enumerate(below[1:], 1):
+        if number in seen:
+            free = free.layer_above(low_ne_m(number), grid)
+        else:
+            free = free.with_obstacles(centres(grid, grid.occupied))
+    return free.layer_above(low_ne_m(len(below)), highest)
+
+
+def _openings_ne_m(grid: Occupancy) -> Array:
+    """(n, 2): places of a map that are free, but not in a disc of free space, m."""
+    free = binary_closing(grid.free, iterations=GAP_CELLS + 1) & ~grid.occupied
+    wide = distance_transform_edt(free) * CELL_M >= OPENING_M
+    if not wide.any():
+        return centres(grid, free)
+    return centres(grid, free & (distance_transform_edt(~wide) * CELL_M > OPENING_M))
+
+
+def centres(grid: Occupancy, cells: Mask) -> Array:
+    """(n, 2): middles of the cells of a mask, m."""
+    corner_ne_m: Array = np.array(grid.place((0, 0)))
+    return corner_ne_m + CELL_M * np.argwhere(cells)
 
 
 def contradicted(other: Occupancy, own: Occupancy, within_m: float) -> tuple[int, int]:

@@ -56,20 +56,28 @@ class Overhead:
         self._readings.extend((*pose.ne_m, at_m, above_m))
 
     def lower_than(self, height_m: float, ceiling_m: float | None) -> tuple[Vector2, ...]:
-        """Middles of the cells whose obstacles above are, or may be, lower than this.
+        """Middles of the cells whose obstacles above are, or may be, lower than this."""
+        return tuple(
+            (north_m, east_m)
+            for north_m, east_m, low_m in self.heights(ceiling_m).tolist()
+            if low_m < height_m
+        )
+
+    def heights(self, ceiling_m: float | None) -> Array:
+        """(n, 3): middles of cells, and the height of what hangs there, or may hang there, m.
 
         Where the ceiling itself may be TOO_NEAR, such readings are not used.
         """
         usable_to_m = math.inf if ceiling_m is None else ceiling_m - self._near_limit_m - MARGIN_M
-        places = []
+        rows = []
         for (row, column), met_m in self._met_m.items():
-            above_m_all = [
+            above_m_all = sorted(
                 at_m + above_m for at_m, above_m in met_m if above_m or at_m < usable_to_m
-            ]
-            low = sum(m < height_m for m in above_m_all)
-            if low >= max(MIN_READINGS, MIN_SHARE * len(above_m_all)):
-                places.append(((row + 0.5) * CELL_M, (column + 0.5) * CELL_M))
-        return tuple(places)
+            )
+            least = math.ceil(max(MIN_READINGS, MIN_SHARE * len(above_m_all)))
+            if least <= len(above_m_all):
+                rows.append(((row + 0.5) * CELL_M, (column + 0.5) * CELL_M, above_m_all[least - 1]))
+        return np.array(rows).reshape(-1, 3)
 
 
 def _cell(place_ne_m: Vector2) -> Cell:

@@ -16,6 +16,7 @@ from companion.core.messages import (
     RangeState,
 )
 from companion.core.values import value
+from companion.mapping.occupancy import Occupancy
 from companion.safety.swept_space import Lane, all_swept
 
 
@@ -50,6 +51,28 @@ class Tracing:
 
 
 @value
+class LayerClaim:
+    """The layer of a teammate in the air."""
+
+    number: int
+    """From the lowest, which is 0."""
+    comes_first: bool
+
+
+@value
+class TeamLayers:
+    """What a drone of a team knows of the layers."""
+
+    claims: tuple[LayerClaim, ...]
+    seen: frozenset[int]
+    """Layers that were seen, by what the teammates say."""
+    space: Callable[[int], Occupancy]
+    """Returns the joined map of a layer."""
+    flown_ne_m: Callable[[int], Array]
+    """Returns the places (n, 2) of a layer that the teammates have flown over."""
+
+
+@value
 class Observation:
     """Pose, range readings and the mapped wall ahead, at one tick."""
 
@@ -81,10 +104,16 @@ class Observation:
     """True if the drone has stayed near an obstacle that it cannot measure there, for so long that
     it may have drifted against it (`obstacle_memory.py`)."""
 
+    is_in_team: bool = False
+    """True if a teammate has told what it has seen."""
+    explorers_ne_m: tuple[Vector2, ...] = ()
+    """Where the teammates are that explore, and do not wait."""
     claims: tuple[Claim, ...] = ()
     """What the teammates go to look at."""
     tracings: tuple[Tracing, ...] = ()
     """Teammates that trace the same room."""
+    team_layers: TeamLayers | None = None
+    """None for a drone that flies alone, and in other missions."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

@@ -43,7 +43,7 @@ from companion.navigation.grid_planner import (
 from companion.navigation.observation import Claim, Observation
 from companion.navigation.path_follower import ARRIVED_M
 from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
-from companion.pdps.claims import is_claimed
+from companion.pdps.claims import is_claimed, on_own_side
 from companion.pdps.frontiers import Places, still_unseen
 from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
@@ -259,8 +259,11 @@ def _choose(
         if _is_more_expected(claims):
             return _to_wait(explore, observation)
         return replace(explore, phase=ExplorePhase.DONE)
-    places = tuple(look.from_ne_m for look in explore.looks)
-    look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
+    found = explore.looks
+    if plan.kind == "exterior":
+        found = on_own_side(found, explore.ways, observation.explorers_ne_m)
+    places = tuple(look.from_ne_m for look in found)
+    look = found[first_of_tour(explore.ways, places, START_NE_M)]
     going = onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
     return Explore(
         ExplorePhase.GO,

@@ -79,9 +79,10 @@ def again(
 ) -> tuple[Viewpoint, ...]:
     """The viewpoint that shows the most uncertain wall in the least time, or ().
 
-    Always () in the mission "layers": the next layer measures the wall again.
+    Always () in the mission "layers": the next layer measures the wall again. Also in the mission
+    "exterior" of a team: the drones go round until they meet, which closes the loop.
     """
-    if plan.kind == "layers":
+    if plan.kind == "layers" or (plan.kind == "exterior" and observation.is_in_team):
         return ()
     walls, grid = observation.walls(), ways.ground.grid
     views, places, time_s = _views(ways, observation, plan, tried, AGAIN_WITHIN_M)

@@ -22,7 +22,13 @@ from companion.core.frames import Vector2
 from companion.core.messages import HOLD, Setpoint
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation import travel
-from companion.navigation.grid_planner import CostGrid, ShortestPaths, find_ground, find_ways
+from companion.navigation.grid_planner import (
+    START_NE_M,
+    CostGrid,
+    ShortestPaths,
+    find_ground,
+    find_ways,
+)
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel, TravelPhase, onward
 from companion.pdps.frontiers import without_specks
@@ -71,11 +77,11 @@ class Overfly:
 
 
 def step(
-    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig
+    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig, layer: int
 ) -> tuple[Overfly, Setpoint]:
-    """Runs one tick. Returns the next state and the velocity setpoint."""
+    """Runs one tick in a layer. Returns the next state and the velocity setpoint."""
     if overfly.phase is OverflyPhase.CHOOSE:
-        return _choose(overfly, observation, space, plan), HOLD
+        return _choose(overfly, observation, space, plan, layer), HOLD
     if overfly.travel is None or overfly.phase is OverflyPhase.DONE:
         return overfly, HOLD
     going, setpoint = travel.step(overfly.travel, observation, space, plan)
@@ -87,22 +93,38 @@ def step(
             return replace(overfly, travel=going), setpoint
 
 
+def is_left(
+    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig, layer: int
+) -> bool:
+    """True if something is left to fly over in a layer, from the start on."""
+    ways = find_ways(find_ground(space, START_NE_M, clear_of_all_m(plan)))
+    return bool(_not_flown_over(ways, overfly.aimed_at, observation, layer).any())
+
+
 def _choose(
-    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig
+    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig, layer: int
 ) -> Overfly:
     here = observation.pose.ne_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
-    left = _not_flown_over(ways, overfly.aimed_at)
+    left = _not_flown_over(ways, overfly.aimed_at, observation, layer)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)
     goal = onward(overfly.came, _goal(left, ways, observation, plan), NEAR_ENOUGH_M)
     return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, observation))
 
 
-def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Mask:
+def _not_flown_over(
+    ways: ShortestPaths, aimed_at: tuple[Vector2, ...], observation: Observation, layer: int
+) -> Mask:
+    """Reachable cells that no drone has flown over, nor flies over now."""
     grid = ways.ground.grid
     flown = grid.flown.copy()
     flown[ways.ground.start] = True
+    if observation.team_layers is not None:
+        by_others = observation.team_layers.flown_ne_m(layer).tolist()
+        to_be = (place for claim in observation.claims for place in claim.places_ne_m)
+        for cell in filter(grid.has, map(grid.cell, (*by_others, *to_be))):
+            flown[cell] = True
     over_m = np.where(ways.ground.room_m < WALL_WITHIN_M, OVER_BY_WALLS_M, OVER_M)
     left: Mask = distance_transform_edt(~flown) * CELL_M > over_m
     left &= np.isfinite(ways.metres)

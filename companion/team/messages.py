@@ -7,6 +7,7 @@
     MapPiece     rays of some seconds and their keyframes; repeated until every teammate has it
     Keyframes    every second: a block of the trajectory, after corrections
     Track        twice a second, if it traces a room: its way along the walls
+    LowCeilings  every 4 s, in the mission "layers": what hangs low
 
 All places are in the sender's own frame: local NED from its take-off point and heading.
 """
@@ -18,12 +19,12 @@ import msgspec
 import numpy as np
 from msgspec import Meta, Raw, Struct, msgpack
 
-from companion.config.team import MAX_DRONES
+from companion.config.team import MAX_DRONES, MAX_LAYERS
 from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.mapping.redrawn_grid import RAY_COLUMNS
 
-VERSION = 1
+VERSION = 2
 """Version of the messages; a drone drops those of another version."""
 MAX_PACKET_BYTES = 8000
 """A longer packet is dropped. Chosen: the longest message, 400 walls, has 6400 and a header."""
@@ -35,6 +36,8 @@ Radians = Annotated[float, Meta(ge=-100.0, le=100.0)]
 Seconds = Annotated[float, Meta(ge=0.0, le=1e6)]
 Count = Annotated[int, Meta(ge=0, le=1_000_000)]
 Drone = Annotated[int, Meta(ge=1, le=MAX_DRONES)]
+Layer = Annotated[int, Meta(ge=0, lt=MAX_LAYERS)]
+"""Number of a layer, from the lowest, which is 0."""
 Place = tuple[Metres, Metres]
 
 RAY_FIELDS = (
@@ -73,6 +76,10 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     """Time until it can see them, s."""
     received: Annotated[dict[Drone, Count], Meta(max_length=MAX_DRONES)]
     """Number of map pieces that it has of each teammate, from the first on."""
+    layer: Layer | None
+    """The layer in which it works, or to which it climbs; None on the ground or on its way home."""
+    layers_seen: Annotated[tuple[Layer, ...], Meta(max_length=MAX_LAYERS)]
+    """Layers of which it knows that they were seen, also from others."""
 
 
 class WallLines(Struct, tag="walls", frozen=True, array_like=True):
@@ -94,6 +101,7 @@ class MapPiece(Struct, tag="piece", frozen=True, array_like=True):
     """float32 (k, 3): keyframes, north, east, yaw."""
     rays: Annotated[bytes, Meta(max_length=5200)]
     """(r,) of `RAY`; `keyframe` is relative to `first`."""
+    layer: Layer
 
 
 class Keyframes(Struct, tag="keyframes", frozen=True, array_like=True):
@@ -116,7 +124,14 @@ class Track(Struct, tag="track", frozen=True, array_like=True):
     """float32 (m, 2): where it has been along the walls."""
 
 
-Body = State | WallLines | MapPiece | Keyframes | Track
+class LowCeilings(Struct, tag="low", frozen=True, array_like=True):
+    """What the up beam has measured, the lowest places first."""
+
+    rows: Annotated[bytes, Meta(max_length=4800)]
+    """float32 (n, 3): north, east, and height of what hangs there, m."""
+
+
+Body = State | WallLines | MapPiece | Keyframes | Track | LowCeilings
 
 
 @dataclass(frozen=True, slots=True)

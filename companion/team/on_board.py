@@ -7,20 +7,25 @@
 A drone that flies alone has no such object.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from companion.config.settings import Config
-from companion.core.frames import frd_to_ned
+from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import Beam, Pose, RangeScan
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
 from companion.estimation.smoothing.state import Unknowns
+from companion.mapping.joined_grid import allowed_above
+from companion.mapping.low_ceilings import Overhead
+from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.pdps.flight.state import FlightState
+from companion.pdps.layers import layer_height_m
 from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.separation import (
@@ -31,9 +36,14 @@ from companion.safety.separation import (
     lets_pass,
     without_others,
 )
-from companion.team.flight_state import needs_column, state_of, track_of
-from companion.team.sharing import OwnMap
-from companion.team.team import Team
+from companion.safety.velocity_guard import clear_of_all_m
+from companion.team.flight_state import layer_of, needs_column, state_of, track_of
+from companion.team.sharing import LOW_PERIOD_S, OwnMap
+from companion.team.team import Team, TeamView
+
+LAYERS_APART_M = 0.7
+"""Least height between two layers of a team, m. Chosen: beyond `MIN_VERTICAL_M`, by the errors of
+two heights."""
 
 
 @value
@@ -41,8 +51,25 @@ class Own:
     """The parts of this drone's flight that the team uses."""
 
     estimator: Estimator | None
-    space: RedrawnGrid
+    spaces: Sequence[RedrawnGrid]
+    """Of each layer, from the lowest."""
     flight: FlightState
+    overhead: Overhead
+    ceiling_m: float | None
+
+    @property
+    def layer(self) -> int:
+        """The layer in which it flies."""
+        return self.flight.layers.number
+
+
+def with_layers_apart(config: Config) -> Config:
+    """The configuration of a team with layers so far apart that drones pass over each other."""
+    plan = config.mission
+    if not config.team.name or plan.layer_spacing_m >= LAYERS_APART_M:
+        return config
+    apart = plan.model_copy(update={"layer_spacing_m": LAYERS_APART_M})
+    return config.model_copy(update={"mission": apart})
 
 
 class OnBoardTeam:
@@ -56,6 +83,9 @@ class OnBoardTeam:
         self._mission = config.mission
         self._bearings_frd_rad = bearings_frd_rad
         self._others: tuple[OtherDrone, ...] = ()
+        self._now_s = 0.0
+        self._low: dict[int, tuple[float, tuple[Vector2, ...]]] = {}
+        """Places where something hangs too low for each layer, and when they were found, s."""
 
     @classmethod
     def of(
@@ -71,9 +101,12 @@ class OnBoardTeam:
 
         Returns the scan without readings that may be of a teammate instead of a wall.
         """
+        self._now_s = now_s
         walls = partial(walls_of, own.estimator)
-        self.mates.hear(now_s, packets, walls, own.space.grid)
-        self._others = self.mates.others(now_s, waits=own.flight.waits)
+        space = own.spaces[own.layer].grid
+        self.mates.hear(now_s, packets, walls, space, own.layer)
+        layer = layer_of(own.flight)
+        self._others = self.mates.others(now_s, waits=own.flight.waits, layer=layer)
         pose = own.estimator.pose(now_s) if own.estimator else Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         return without_others(scan, pose, self._others, self._bearings_frd_rad)
 
@@ -93,16 +126,43 @@ class OnBoardTeam:
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
 
+    def view(self, now_s: float, own: Own) -> TeamView:
+        """What the missions know of the teammates."""
+        view = self.mates.view(now_s, own.layer)
+        if self._mission.kind == "layers":
+            view["team_layers"] = self.mates.layers(now_s, partial(self.space, own))
+        return view
+
+    def space(self, own: Own, layer: int | None = None) -> Occupancy:
+        """The joined map of a layer, by default of the present one, and where it may be flown."""
+        layer = own.layer if layer is None else layer
+        own_grids = [*(space.grid for space in own.spaces[: layer + 1])]
+        own_grids += [Occupancy() for _ in range(layer + 1 - len(own_grids))]
+        grids = [self.mates.joined(grid, number) for number, grid in enumerate(own_grids)]
+        return allowed_above(grids, own.flight.layers.seen, partial(self._low_ne_m, own))
+
+    def _low_ne_m(self, own: Own, layer: int) -> tuple[Vector2, ...]:
+        """Places where something hangs too low for a layer, as known some seconds ago."""
+        known_s, places = self._low.get(layer, (-math.inf, ()))
+        if self._now_s - known_s < LOW_PERIOD_S:
+            return places
+        top_m = layer_height_m(layer, self._mission) + clear_of_all_m(self._mission)
+        places = own.overhead.lower_than(top_m, own.ceiling_m) + self.mates.low_ne_m(top_m)
+        self._low[layer] = self._now_s, places
+        return places
+
     def tell(self, pose: Pose, own: Own, battery: float | None) -> tuple[bytes, ...]:
         """Packets for the teammates; none before the estimator has started."""
         if own.estimator is None:
             return ()
-        traces = self._mission.kind == "room"
+        kind = self._mission.kind
         own_map = OwnMap(
-            own.space,
+            own.spaces,
+            own.layer,
             own.estimator.record.poses,
             partial(walls_of, own.estimator),
-            partial(track_of, own.flight) if traces else None,
+            partial(track_of, own.flight) if kind == "room" else None,
+            partial(own.overhead.heights, own.ceiling_m) if kind == "layers" else None,
         )
         state = partial(
             state_of,

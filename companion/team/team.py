@@ -10,17 +10,24 @@ enter space that its own sensors have not measured.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import TypedDict
 
+import numpy as np
+
 from companion.config.team import MAX_DRONES, TeamConfig
+from companion.core.arrays import Array
+from companion.core.frames import Vector2
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
-from companion.navigation.observation import Claim, Tracing
+from companion.navigation.observation import Claim, TeamLayers, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Keyframes,
+    LowCeilings,
     MapPiece,
     OtherVersionError,
     Packet,
@@ -39,8 +46,11 @@ from companion.team.teammate import Heard, Teammate
 class TeamView(TypedDict, total=False):
     """Fields of an `Observation`."""
 
+    is_in_team: bool
+    explorers_ne_m: tuple[Vector2, ...]
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
+    team_layers: TeamLayers
 
 
 class Team:
@@ -51,7 +61,8 @@ class Team:
         self._config = config
         self._instance = instance
         self._sharing = Sharing()
-        self._joined = JoinedGrid()
+        self._joined: defaultdict[int, JoinedGrid] = defaultdict(JoinedGrid)
+        """Of each layer."""
         self._sent = 0
         self.dropped = 0
         """Number of packets that could not be used."""
@@ -77,10 +88,11 @@ class Team:
         packets: Sequence[bytes],
         walls: Callable[[], Unknowns],
         space: Occupancy,
+        layer: int = 0,
     ) -> None:
         """Take the packets that have arrived.
 
-        `walls` returns the walls of this drone; `space` is its own grid.
+        `walls` returns the walls of this drone; `space` is its own grid, of a layer.
         """
         for data in packets:
             try:
@@ -93,7 +105,7 @@ class Team:
                 self.dropped += 1
         for drone, mate in self._mates.items():
             mate.advance()
-            if mate.refine(now_s, walls) and mate.contradicts(space):
+            if mate.refine(now_s, walls) and mate.contradicts(space, layer):
                 self.notice = (
                     f"team: drone {drone} contradicts this drone's map, so its map is not used; "
                     "is it on its pad?"
@@ -116,6 +128,8 @@ class Team:
                 mate.hear_keyframes(packet.body)
             case Track():
                 mate.hear_track(packet.body)
+            case LowCeilings():
+                mate.hear_low(packet.body)
 
     def _sender(self, now_s: float, packet: Packet) -> Teammate:
         """The teammate that sent a packet.
@@ -139,10 +153,15 @@ class Team:
         self.notice = f"team: two drones have the number {packet.drone}; give each its own"
         return self._doubles[key]
 
-    def others(self, now_s: float, *, waits: bool) -> tuple[OtherDrone, ...]:
-        """Where the teammates are. `waits`: this drone waits, and lets all others pass."""
+    def others(
+        self, now_s: float, *, waits: bool, layer: int | None = None
+    ) -> tuple[OtherDrone, ...]:
+        """Where the teammates are.
+
+        `waits`: this drone waits, and lets all others pass. `layer`: the layer in which it is.
+        """
         everybody = (*self._mates.values(), *self._doubles.values())
-        found = (mate.drone(now_s, other_waits=waits) for mate in everybody)
+        found = (mate.drone(now_s, other_waits=waits, other_layer=layer) for mate in everybody)
         return tuple(each for each in found if each is not None)
 
     def heard(self, now_s: float) -> tuple[Heard, ...]:
@@ -150,19 +169,45 @@ class Team:
         heard = (mate.heard(now_s, drone) for drone, mate in self._mates.items())
         return tuple(each for each in heard if each is not None)
 
-    def view(self, now_s: float) -> TeamView:
-        """What the missions know of the teammates."""
-        claims = (mate.claim(now_s) for mate in self._mates.values())
+    def view(self, now_s: float, layer: int = 0) -> TeamView:
+        """What the missions know of the teammates. `layer`: the layer in which this drone is."""
+        claims = (mate.claim(now_s, layer) for mate in self._mates.values())
+        explorers = (mate.explorer_ne_m(now_s) for mate in self._mates.values())
         tracings = (mate.tracing(now_s) for mate in self._mates.values())
         return TeamView(
+            is_in_team=any(mate.pieces for mate in self._credible),
+            explorers_ne_m=tuple(each for each in explorers if each is not None),
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
         )
 
-    def joined(self, grid: Occupancy) -> Occupancy:
-        """A grid with the space that the teammates have seen."""
-        mates = [mate.grid for mate in self._mates.values() if mate.is_credible]
-        return self._joined.of(grid, mates)
+    def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:
+        """What is known of the layers. `space` returns the joined map of one."""
+        claims = (mate.layer_claim(now_s) for mate in self._mates.values())
+        seen = (mate.layers_seen for mate in self._mates.values())
+        return TeamLayers(
+            tuple(each for each in claims if each is not None),
+            frozenset(chain.from_iterable(seen)),
+            space,
+            self._flown_ne_m,
+        )
+
+    def _flown_ne_m(self, layer: int) -> Array:
+        """(n, 2): places of a layer that the teammates have flown over."""
+        flown = (mate.flown_ne_m(layer) for mate in self._credible)
+        return np.vstack([np.empty((0, 2)), *flown])
+
+    @property
+    def _credible(self) -> list[Teammate]:
+        return [mate for mate in self._mates.values() if mate.is_credible]
+
+    def joined(self, grid: Occupancy, layer: int = 0) -> Occupancy:
+        """A grid with the space of its layer that the teammates have seen."""
+        return self._joined[layer].of(grid, [mate.grid(layer) for mate in self._credible])
+
+    def low_ne_m(self, height_m: float) -> tuple[Vector2, ...]:
+        """Places where a teammate has measured something that hangs lower than this."""
+        return tuple(chain.from_iterable(mate.low_ne_m(height_m) for mate in self._credible))
 
     @property
     def received(self) -> dict[int, int]:

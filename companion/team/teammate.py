@@ -16,14 +16,15 @@ from companion.core.frames import Vector2, frd_to_ned, moved, places_moved_to, p
 from companion.core.values import value
 from companion.estimation.placement import refined_start
 from companion.estimation.smoothing.state import YAW, Unknowns
-from companion.mapping.joined_grid import contradicted
+from companion.mapping.joined_grid import centres, contradicted
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
-from companion.navigation.observation import Claim, Tracing
+from companion.navigation.observation import Claim, LayerClaim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Body,
     Keyframes,
+    LowCeilings,
     MapPiece,
     Packet,
     PacketError,
@@ -57,6 +58,8 @@ REFINE_PERIOD_S = 4.0
 """Interval between two alignments of the maps, s. Chosen."""
 MEASURED_BEFORE_S = 1.0
 """Time of a teammate's readings on this drone's map, s: before all of its own."""
+NOTHING_SEEN = Occupancy()
+"""The space of a layer in which it was not yet."""
 ON_PAD = State(
     ne_m=(0.0, 0.0),
     height_m=0.0,
@@ -72,6 +75,8 @@ ON_PAD = State(
     is_extra=False,
     arrives_in_s=0.0,
     received={},
+    layer=None,
+    layers_seen=(),
 )
 """State of a drone that was not heard yet: it stands on its pad."""
 
@@ -120,7 +125,9 @@ class Teammate:
         self.pieces = 0
         """Number of map pieces that have arrived, from the first on."""
         self._keyframes = np.empty((0, 3))
-        self._grid = RedrawnGrid()
+        self._grids: dict[int, RedrawnGrid] = {0: RedrawnGrid()}
+        """Grid of each layer in which it has been."""
+        self._low = np.empty((0, 3))
         self._track: Track | None = None
         self._track_places = np.empty((0, 2))
 
@@ -167,7 +174,7 @@ class Teammate:
         known = self._keyframes[: piece.first]
         between = np.repeat(poses[:1], piece.first - len(known), axis=0)  # without rays
         self._keyframes = np.vstack([known, between, poses])
-        self._grid.extend(rays, self._placed_keyframes())
+        self._grids.setdefault(piece.layer, RedrawnGrid()).extend(rays, self._placed_keyframes())
 
     def hear_keyframes(self, block: Keyframes) -> None:
         """Take a corrected part of its trajectory.
@@ -178,7 +185,20 @@ class Teammate:
         poses = unpack_floats(block.poses, 3)[: max(len(self._keyframes) - block.first, 0)]
         if len(poses):
             self._keyframes[block.first : block.first + len(poses)] = poses
-            self._grid.correct(self._placed_keyframes())
+            self._correct()
+
+    def _correct(self) -> None:
+        placed = self._placed_keyframes()
+        for grid in self._grids.values():
+            grid.correct(placed)
+
+    def hear_low(self, low: LowCeilings) -> None:
+        """Take the places where something hangs low.
+
+        Raises:
+            PacketError: they are invalid.
+        """
+        self._low = unpack_floats(low.rows, 3)
 
     def hear_track(self, track: Track) -> None:
         """Take its way along the walls of the room.
@@ -201,25 +221,31 @@ class Teammate:
             return False
         self.start = refined_start(self._walls, known, self._pad, self._sigma)
         self._is_aligned = True
-        self._grid.correct(self._placed_keyframes())
+        self._correct()
         return True
 
-    def contradicts(self, space: Occupancy) -> bool:
-        """Compare its map with the own grid; True if it is found not to be credible now."""
+    def contradicts(self, space: Occupancy, layer: int) -> bool:
+        """Compare its map with the own grid of a layer; True if it is found not credible now."""
         was_credible = self.is_credible
-        met, free = contradicted(self.grid, space, SAME_PLACE_M)
+        met, free = contradicted(self.grid(layer), space, SAME_PLACE_M)
         if met >= MIN_CELLS:
             self.is_credible = free < MAX_CONTRADICTED_SHARE * met
         return was_credible and not self.is_credible
 
     def advance(self) -> None:
         """Draw some of its rays."""
-        self._grid.advance()
+        for grid in self._grids.values():
+            grid.advance()
 
-    @property
-    def grid(self) -> Occupancy:
-        """The space that it has seen, in this drone's frame."""
-        return self._grid.grid
+    def grid(self, layer: int) -> Occupancy:
+        """The space of a layer that it has seen, in this drone's frame."""
+        known = self._grids.get(layer)
+        return known.grid if known else NOTHING_SEEN
+
+    def low_ne_m(self, height_m: float) -> tuple[Vector2, ...]:
+        """Places where something hangs lower than this."""
+        places = places_moved_to(self.start, self._low[self._low[:, 2] < height_m, :YAW])
+        return tuple((north_m, east_m) for north_m, east_m in places.tolist())
 
     def is_known(self, now_s: float) -> bool:
         """True if its place is known."""
@@ -229,10 +255,12 @@ class Teammate:
         """True if it was heard lately."""
         return now_s - self._heard_s < SILENT_S
 
-    def drone(self, now_s: float, *, other_waits: bool) -> OtherDrone | None:
+    def drone(
+        self, now_s: float, *, other_waits: bool, other_layer: int | None
+    ) -> OtherDrone | None:
         """Where it is: on its pad until it is heard; None if it was not heard for long.
 
-        `other_waits`: this drone waits, and lets it pass.
+        `other_waits`: this drone waits, and lets it pass. `other_layer`: this drone's layer.
         """
         state, age_s = self.state or ON_PAD, now_s - self._heard_s
         if self.state is not None and not self.is_known(now_s):
@@ -253,7 +281,7 @@ class Teammate:
             sigma_m,
             state.is_flying,
             state.needs_column,
-            other_waits if state.waits != other_waits else self._comes_first,
+            self._has_right_of_way(state, other_waits, other_layer),
         )
 
     def heard(self, now_s: float, drone: int) -> Heard | None:
@@ -264,16 +292,49 @@ class Teammate:
         place, yaw_rad = self._in_own_frame(state.ne_m), state.yaw_rad + float(self.start[YAW])
         return Heard(drone, place, state.height_m, yaw_rad, state.phase, state.battery)
 
-    def claim(self, now_s: float) -> Claim | None:
-        """What it goes to look at; None if nothing, or if it is not heard any more."""
+    def _has_right_of_way(self, state: State, other_waits: bool, other_layer: int | None) -> bool:
+        """True if the other drone lets it pass below: the one in the higher layer climbs less."""
+        if state.layer is not None and other_layer is not None and state.layer != other_layer:
+            return state.layer < other_layer
+        return other_waits if state.waits != other_waits else self._comes_first
+
+    def layer_claim(self, now_s: float) -> LayerClaim | None:
+        """Its layer; None if it has none, has only extras left, or is not heard any more."""
         state = self.state
         if state is None or not self.is_heard(now_s) or not self.is_credible:
             return None
-        if not state.target:
+        if state.layer is None or state.is_extra:
+            return None
+        return LayerClaim(state.layer, self._comes_first)
+
+    def flown_ne_m(self, layer: int) -> Array:
+        """(n, 2): places of a layer that it has flown over."""
+        grid = self.grid(layer)
+        return centres(grid, grid.flown)
+
+    @property
+    def layers_seen(self) -> tuple[int, ...]:
+        """Layers of which it knows that they were seen."""
+        return self.state.layers_seen if self.state and self.is_credible else ()
+
+    def claim(self, now_s: float, layer: int) -> Claim | None:
+        """What it goes to look at in a layer; None if nothing, or if it is not heard any more."""
+        state = self.state
+        if state is None or not self.is_heard(now_s) or not self.is_credible:
+            return None
+        if not state.target or state.layer != layer:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
         return Claim(places, left_s, state.is_extra, self._comes_first)
+
+    def explorer_ne_m(self, now_s: float) -> Vector2 | None:
+        """Where it is; None unless it explores, and has more to do than extras."""
+        state = self.state
+        if state is None or not self.is_heard(now_s) or not self.is_credible:
+            return None
+        explores = state.is_flying and state.layer is not None and not state.waits
+        return self._in_own_frame(state.ne_m) if explores and not state.is_extra else None
 
     def tracing(self, now_s: float) -> Tracing | None:
         """Its round of the room; None if it traces none."""

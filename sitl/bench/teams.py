@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
-from companion.app import Progress
+from companion.app import App, Progress
+from companion.config.settings import MissionConfig
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Hit
 from companion.pdps.flight.state import Phase
+from companion.pdps.layers import layer_height_m
 from companion.pdps.room_scan_state import ScanPhase
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
@@ -107,7 +110,7 @@ def _fly(job: TeamJob) -> TeamFlown:
     single = make_report(
         setup, settings, plan, simulation.record, outcome=app.flight, waited_s=waited_s
     )
-    times_s = _times(setup, settings.mission.height_m, team, plan)
+    times_s = _times(setup, _heights_m(app, settings.mission), team, plan)
     row: Report = {
         **team.joint,
         **job.key,
@@ -129,13 +132,15 @@ def _fly(job: TeamJob) -> TeamFlown:
     return TeamFlown(Flown(row, Sketch(truth, walls, paths)), tuple(team.rows))
 
 
+def _heights_m(single: App, mission: MissionConfig) -> list[float]:
+    """Heights of the layers that one drone has flown, m."""
+    return [layer_height_m(number, mission) for number in range(len(single.rays))]
+
+
 def _times(
-    setup: Setup, height_m: float, team: TeamResult, single: FloorPlan
+    setup: Setup, heights_m: Sequence[float], team: TeamResult, single: FloorPlan
 ) -> tuple[float, float]:
-    """Time to the same coverage, s: of the team, and of one drone."""
-    start = start_state(setup)
-    north_m, east_m, _ = start.position_ned_m
-    observable = observable_points(setup.world, height_m, (north_m, east_m))
+    """Time to the same coverage at all heights, s: of the team, and of one drone."""
     hits = team.merged.plan.hits
     joint_s = [hit.time_s for hit in hits]
     later_s = [flight.later_s for flight in team.merged.flights]
@@ -144,12 +149,30 @@ def _times(
         for at_s, number in zip(joint_s, team.merged.flight_of(joint_s), strict=True)
     ]
     both = (
-        first_seen_s(hits, own_s, observable, start),
-        first_seen_s(single.hits, _own_times(single.hits), observable, start),
+        _first_seen_s(setup, heights_m, hits, own_s),
+        _first_seen_s(setup, heights_m, single.hits, _own_times(single.hits)),
     )
     share = SAME_SHARE * min(map(_seen_share, both))
     team_s, single_s = (time_to_see_s(seen_s, share) for seen_s in both)
     return team_s, single_s
+
+
+def _first_seen_s(
+    setup: Setup, heights_m: Sequence[float], hits: Sequence[Hit], times_s: Sequence[float]
+) -> Array:
+    """(n,): time at which each sample of the walls was first seen at its height, in order, s."""
+    start = start_state(setup)
+    north_m, east_m, _ = start.position_ned_m
+    nearest = np.abs(
+        np.array([-hit.position_ned_m[2] for hit in hits])[:, None] - np.array(heights_m)
+    ).argmin(axis=1)
+    seen_s = []
+    for number, height_m in enumerate(heights_m):
+        observable = observable_points(setup.world, height_m, (north_m, east_m))
+        at = np.flatnonzero(nearest == number).tolist()
+        of_height = [hits[each] for each in at], [times_s[each] for each in at]
+        seen_s.append(first_seen_s(*of_height, observable, start))
+    return np.sort(np.concatenate(seen_s))
 
 
 def _own_times(hits: Sequence[Hit]) -> list[float]:

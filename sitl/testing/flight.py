@@ -224,7 +224,7 @@ class Sitl:
         Args:
             world: name of a built-in world, or a file.
             drones: number of drones; their pads stand near the world's first start.
-            mission: "room" or "building".
+            mission: as in the configuration.
             seed: seed of the flight; the same seed gives the same flight.
             profile: profile of the range sensors.
             autopilot: "ardupilot" or "px4".

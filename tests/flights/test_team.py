@@ -14,6 +14,12 @@ from sitl.testing import Sitl
 from tests.worlds import ROOM
 
 ROOMS = "worlds/two_small_rooms.toml"
+HUT = """
+name = "hut"
+height_m = 4.0
+walls = [{ points = [[0, 0], [3, 0], [3, 4], [0, 4]], closed = true }]
+starts = [{ name = "south of it", position = [-2.0, 1.0] }]
+"""
 BAD_RADIO = LinkErrors(loss=0.3, jitter_s=0.3)
 MIN_APART_M, MAX_BYTES_PER_S = 0.6, 20_000
 
@@ -52,6 +58,34 @@ def test_a_bad_radio_costs_time_but_no_safety(sitl: Sitl) -> None:
     assert joint.collisions == 0
     assert joint.apart_m > MIN_APART_M
     assert joint.coverage > 0.97
+
+
+def test_two_drones_go_round_a_house_opposite_ways(sitl: Sitl, tmp_path: Path) -> None:
+    """They begin south of it. Each sees its own side alone, and both meet in the north."""
+    path = tmp_path / "hut.toml"
+    path.write_text(HUT)
+    team = sitl.fly_team(str(path), mission="exterior")
+    joint = team.report
+    assert joint.completed, joint.ending
+    assert joint.coverage > 0.97
+    assert joint.collisions == 0
+    assert joint.apart_m > MIN_APART_M
+
+
+def test_two_drones_divide_the_layers(sitl: Sitl, small: str) -> None:
+    """While one explores the lower layer, the other explores the higher one."""
+    layers: list[tuple[int, ...]] = []
+
+    def note(fleet: Fleet, apps: Sequence[App], air: TeamAir) -> None:
+        layers.append(tuple(app.flight.layers.number for app in apps))
+
+    team = sitl.fly_team(small, mission="layers", script=note)
+    joint = team.report
+    assert joint.completed, joint.ending
+    assert layers.count((0, 1)) > 100
+    assert joint.coverage > 0.97
+    assert joint.collisions == 0
+    assert joint.apart_m > MIN_APART_M
 
 
 def test_too_many_pads_for_a_room_are_refused(sitl: Sitl) -> None:

@@ -145,9 +145,9 @@ def _let_pass(
     passing = flight.passing
     if passing is not None:
         is_above = pose.height_m > level_m + ABOVE_LEVEL_M
-        is_over = not (view.around.lets_pass or is_above) or flight.phase is Phase.DESCEND
+        is_over = not (view.around.lets_pass or is_above) or _changes_height(flight)
         passing = None if is_over else passing.see(pose, up, observation.mount_offset_m)
-    elif view.around.lets_pass and flight.phase is not Phase.DESCEND:
+    elif view.around.lets_pass and not _changes_height(flight):
         mount_m = observation.mount_offset_m
         passing = passing_from(pose, up, mount_m, level_m, plan.clearance_m)
     if passing is not flight.passing:
@@ -156,6 +156,12 @@ def _let_pass(
         return flight, wanted
     staying = stay(passing.at_ne_m, pose)
     return flight, replace(staying, yaw_rate_rad_s=wanted.yaw_rate_rad_s)
+
+
+def _changes_height(flight: FlightState) -> bool:
+    """True if the drone descends, or climbs to another layer."""
+    climbs = flight.phase is Phase.LAYERS and flight.layers.phase is LayersPhase.CLIMB
+    return climbs or flight.phase is Phase.DESCEND
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:

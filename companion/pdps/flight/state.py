@@ -15,7 +15,7 @@ from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.frontiers import Places
-from companion.pdps.layers import Layers
+from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.separation import Passing
@@ -159,9 +159,17 @@ class FlightState:
     @property
     def waits(self) -> bool:
         """True while the drone waits for others, and lets them pass."""
-        explores = self.phase is Phase.BUILDING
-        is_waiting = explores and self.building.phase is ExplorePhase.WAIT
-        return is_waiting or self.phase in (Phase.HOVER, Phase.HOLD)
+        is_waiting = self.explores is not None and self.explores.phase is ExplorePhase.WAIT
+        chooses = self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.CHOOSE
+        return is_waiting or chooses or self.phase in (Phase.HOVER, Phase.HOLD)
+
+    @property
+    def explores(self) -> Explore | None:
+        """The present exploration, of a building or of a layer."""
+        if self.phase is Phase.BUILDING:
+            return self.building
+        is_layer = self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.EXPLORE
+        return self.layers.explore if is_layer else None
 
     @property
     def is_to_be_continued(self) -> bool:

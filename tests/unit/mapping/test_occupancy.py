@@ -2,13 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.mapping.joined_grid import JoinedGrid, joined
+from companion.mapping.joined_grid import JoinedGrid, allowed_above, joined
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.mapping.rays import Ray
+from tests.grids import sweep_round
 
 PLACE = st.tuples(st.floats(-30, 30), st.floats(-30, 30))
 
@@ -120,3 +122,46 @@ def test_a_joined_map_contains_the_own_map(
             place = own.place((row, column))
             if state(own, place) != "unknown":
                 assert state(union, place) == state(own, place)
+
+
+def swept(*places: tuple[float, float], hit: bool = False) -> Occupancy:
+    """Discs of free space of 2 m."""
+    grid = Occupancy()
+    for place in places:
+        sweep_round(grid, place, 2.0, hit=hit)
+    return grid
+
+
+def test_a_layer_may_be_flown_above_free_space_of_the_lowest() -> None:
+    """The layer between was not begun: a team begins at the lowest and at the highest."""
+    grid = allowed_above((swept((0.0, 0.0)), Occupancy(), Occupancy()), (), lambda _: ())
+    assert grid.allowed[grid.cell((1.0, 0.0))]
+    assert not grid.allowed[grid.cell((3.0, 0.0))]
+
+
+def test_what_stands_in_any_layer_below_or_hangs_low_forbids_a_place() -> None:
+    shelf = seen(Occupancy(), Ray((0.0, 0.0), 0.0, 1.0, 0.01, True, 1.0))
+    layers = swept((0.0, 0.0)), shelf, Occupancy()
+    grid = allowed_above(layers, (), lambda layer: ((-1.0, 0.0),) if layer == 2 else ())
+    assert not grid.allowed[grid.cell((1.0, 0.0))]
+    assert not grid.allowed[grid.cell((-1.0, 0.0))]
+    assert grid.allowed[grid.cell((0.0, 1.0))]
+
+
+def test_above_a_layer_that_was_seen_only_its_free_space_may_be_flown() -> None:
+    layers = swept((0.0, 0.0), (0.0, 3.0)), swept((0.0, 0.0)), Occupancy()
+    for was_seen, is_allowed in (((), True), ((1,), False)):
+        grid = allowed_above(layers, was_seen, lambda _: ())
+        assert grid.allowed[grid.cell((0.0, 3.5))] == is_allowed
+
+
+def test_a_doorway_of_the_lowest_layer_is_shut_above_until_that_was_seen() -> None:
+    """No drone may have passed below its lintel yet."""
+    rooms = swept((0.0, 0.0), (5.0, 0.0))
+    for east_m in np.arange(-0.4, 0.41, 0.1).tolist():
+        seen(rooms, Ray((0.0, east_m), 0.0, 5.0, 0.01, False, 0.0))
+    for was_seen in ((), (0,)):
+        grid = allowed_above((rooms, Occupancy()), was_seen, lambda _: ())
+        assert grid.allowed[grid.cell((0.0, 0.0))]
+        assert grid.allowed[grid.cell((5.0, 0.0))]
+        assert grid.allowed[grid.cell((2.5, 0.0))] == bool(was_seen)

@@ -4,8 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.navigation.observation import Claim
-from companion.pdps.claims import is_claimed
+from companion.pdps.claims import is_claimed, on_own_side
 from companion.pdps.viewpoints import Viewpoint
+from tests.grids import open_ground, sweep_round, ways_from
 
 PLACES = ((3.0, 0.0), (3.0, 0.5), (3.0, 1.0))
 
@@ -40,3 +41,24 @@ def test_another_place_is_not_claimed(arrives_in_s: float) -> None:
 def test_a_place_near_the_claimed_one_is_the_same() -> None:
     """The maps of two drones differ by the error of their alignment."""
     assert is_claimed(look(0.5), 20.0, (claim(5.0, comes_first=False),))
+
+
+def test_round_a_building_each_drone_goes_away_from_the_other() -> None:
+    """The teammate stands 2 m east of this drone."""
+    west, east = Viewpoint((0.0, -3.0), PLACES), Viewpoint((0.0, 3.0), PLACES)
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    assert on_own_side((east, west), ways, ((0.0, 2.0),)) == (west,)
+    assert on_own_side((east, west), ways, ()) == (east, west)
+
+
+def test_a_drone_goes_to_the_other_side_if_nothing_is_left_on_its_own() -> None:
+    east = Viewpoint((0.0, 3.0), PLACES)
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    assert on_own_side((east,), ways, ((0.0, 2.0),)) == (east,)
+
+
+def test_a_teammate_without_a_path_to_this_drone_is_on_no_side() -> None:
+    grid = open_ground(2.0)
+    sweep_round(grid, (0.0, 9.0), 2.0, hit=False)
+    west, east = Viewpoint((0.0, -1.0), PLACES), Viewpoint((0.0, 1.0), PLACES)
+    assert on_own_side((east, west), ways_from(grid, (0.0, 0.0)), ((0.0, 9.0),)) == (east, west)

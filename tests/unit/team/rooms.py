@@ -80,6 +80,8 @@ def state(ne_m: tuple[float, float] = (0.0, 0.0), **fields: object) -> Callable[
         "is_extra": False,
         "arrives_in_s": 0.0,
         "received": {},
+        "layer": 0,
+        "layers_seen": (),
     }
     return lambda: State(**(values | fields))  # type: ignore[arg-type]
 
@@ -91,12 +93,12 @@ class Member:
         self.team = Team(config(drone))
         self.grid, keyframes = space_of(drone, turns)
         self.walls = walls_of(drone, off)
-        self.own = OwnMap(self.grid, keyframes, lambda: self.walls, None)
+        self.own = OwnMap((self.grid,), 0, keyframes, lambda: self.walls, None)
 
     def move(self, off_ne_m: Vector2) -> None:
         """Stand off the pad, in the frame of the first drone, and turn there."""
         self.grid, keyframes = space_of(2, len(self.own.keyframes), off_ne_m)
-        self.own = OwnMap(self.grid, keyframes, lambda: self.walls, None)
+        self.own = OwnMap((self.grid,), 0, keyframes, lambda: self.walls, None)
 
     def tell(self, now_s: float, **fields: object) -> tuple[bytes, ...]:
         told = state((0.0, 0.0), received=self.team.received, **fields)

@@ -58,6 +58,19 @@ def test_a_place_that_is_no_place_is_refused(north_m: float) -> None:
         decode(encode(Packet("team", 1, 7, 3, state((north_m, 0.0))())))
 
 
+@pytest.mark.parametrize("fields", [{"layer": -1}, {"layer": 64}, {"layers_seen": (64,)}])
+def test_a_layer_that_is_no_layer_is_refused(fields: dict[str, object]) -> None:
+    with pytest.raises(PacketError):
+        decode(encode(Packet("team", 1, 7, 3, state((0.0, 0.0), **fields)())))
+
+
+@given(st.none() | st.integers(0, 63), st.frozensets(st.integers(0, 63)))
+def test_the_layers_of_a_drone_arrive_as_sent(layer: int | None, seen: frozenset[int]) -> None:
+    told = state(layer=layer, layers_seen=tuple(sorted(seen)))()
+    packet = Packet("team", 1, 7, 3, told)
+    assert decode(encode(packet)) == packet
+
+
 def test_another_version_is_named() -> None:
     header = msgspec.msgpack.decode(encode(Packet("team", 1, 7, 3, state()())))
     header[0] = VERSION + 1

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import Occupancy
+from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import VERSION, Packet, Track, encode
 from companion.team.team import Team
 from companion.team.teammate import LOST_S, SILENT_S
@@ -191,7 +192,7 @@ def test_a_drone_with_other_software_is_told() -> None:
     header = msgspec.msgpack.decode(told)
     header[0] = VERSION + 1
     first.hear(0.0, (msgspec.msgpack.encode(header),))
-    assert "drone 2 sends version 2" in first.team.notice
+    assert f"drone 2 sends version {VERSION + 1}" in first.team.notice
     assert first.team.dropped == 1
 
 
@@ -206,3 +207,59 @@ def test_the_map_of_a_drone_that_is_not_on_its_pad_is_not_used(off_m: float) -> 
     is_joined = first.team.joined(Occupancy()).free.any()
     assert is_joined == is_used
     assert first.team.others(40.0, waits=False)
+
+
+def test_a_map_arrives_in_its_layer() -> None:
+    """The second drone has turned 40 times in the second layer, and never in the lowest one."""
+    first, second = Member(1, 0), Member(2, 40)
+    second.own = replace(second.own, spaces=(RedrawnGrid(), second.grid), layer=1)
+    talk(first, second, 30.0)
+    lowest, higher = (first.team.joined(Occupancy(), layer) for layer in range(2))
+    assert not lowest.free.any()
+    assert higher.free[higher.cell(SEEN_NE_M)]
+
+
+def test_a_drone_that_leaves_a_layer_tells_all_that_it_saw_there() -> None:
+    """It turned twice, which is less than a piece of the map."""
+    first, second = Member(1, 0), Member(2, 2)
+    talk(first, second, 10.0)
+    assert first.team.received == {2: 0}
+    second.own = replace(second.own, spaces=(second.grid, RedrawnGrid()), layer=1)
+    talk(first, second, 20.0, since_s=10.0)
+    assert first.team.received == {2: 1}
+
+
+def test_what_a_teammate_claims_counts_in_its_layer() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, target=((1.0, 0.0),), layer=1, layers_seen=(0,)))
+    assert not first.team.view(0.0, layer=0)["claims"]
+    assert first.team.view(0.0, layer=1)["claims"]
+    layers = first.team.layers(0.0, lambda _: Occupancy())
+    assert [claim.number for claim in layers.claims] == [1]
+    assert layers.seen == {0}
+
+
+def test_a_silent_drone_and_one_on_its_way_home_have_no_layer() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, layer=1))
+    assert not first.team.layers(SILENT_S + 0.1, lambda _: Occupancy()).claims
+    first.hear(3.0, second.tell(3.0, layer=None))
+    assert not first.team.layers(3.0, lambda _: Occupancy()).claims
+
+
+def test_the_drone_in_the_lower_layer_has_the_right_of_way() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, layer=0))
+    second.hear(0.0, first.tell(0.0, layer=1))
+    [lower] = first.team.others(0.0, waits=False, layer=1)
+    [higher] = second.team.others(0.0, waits=False, layer=0)
+    assert lower.has_right_of_way
+    assert not higher.has_right_of_way
+
+
+def test_a_lintel_that_a_teammate_has_passed_is_known_in_the_own_frame() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    second.own = replace(second.own, low=lambda: np.array([[1.0, 0.0, 2.0], [3.0, 0.0, 2.6]]))
+    first.hear(0.0, second.tell(0.0))
+    [lintel] = first.team.low_ne_m(2.3)
+    assert lintel == pytest.approx((1.0, 1.5))
