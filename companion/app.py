@@ -7,26 +7,20 @@
 The module does no I/O and reads no clock. `loop.py` supplies the inputs and sends the outputs.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from dataclasses import replace
+from functools import cache, partial
 
 from companion.config.settings import Config
 from companion.core.arrays import Array
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
     Beam,
-    Command,
     FloorPlan,
-    GyroSample,
-    Order,
     Pose,
     RangeScan,
-    Setpoint,
     Sketch,
     WallSegment,
 )
-from companion.core.values import value
 from companion.drivers.models import level_units, range_models
 from companion.drivers.mounts import Mounts
 from companion.earlier import EarlierFlights
@@ -35,8 +29,7 @@ from companion.estimation.filters.ceiling import Ceiling
 from companion.estimation.filters.gyro_rest_calibration import RestCalibration
 from companion.estimation.filters.velocity_lag import VelocityLag
 from companion.estimation.solved_flight import SolvedFlight
-from companion.link.link import Telemetry
-from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.floor_plan import wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.low_ceilings import Overhead
 from companion.mapping.occupancy import Occupancy
@@ -46,7 +39,6 @@ from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.flight import phases
 from companion.pdps.flight.state import (
-    FINAL_PHASES,
     UNARMED_PHASES,
     FlightAction,
     FlightState,
@@ -59,6 +51,7 @@ from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, wal
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
+from companion.ticks import Inputs, Outputs, Progress
 
 EXPLORING_PHASES = frozenset(
     {
@@ -78,66 +71,6 @@ PROGRESS_PERIOD_S = 1.0
 """Interval between two progress reports, s. Chosen."""
 MAX_SKETCHED = 3000
 """Maximum number of points, and of positions on the path, in a sketch. Chosen."""
-
-
-@value
-class Inputs:
-    """All inputs that arrived since the last tick."""
-
-    telemetry: Telemetry
-    gyro: Sequence[GyroSample]
-    scan: RangeScan
-    land_requested: bool = False
-    order: Order | None = None
-    """Order of a script; None to fly the whole mission."""
-    team: tuple[bytes, ...] = ()
-    """Packets of the teammates."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Progress of the flight, for display; the map is computed only when it is read."""
-
-    time_s: float
-    activity: str
-    trouble: str
-    map_walls: Callable[[], tuple[WallSegment, ...]]
-    notice: str = ""
-    """Message for the pilot."""
-
-    @cached_property
-    def _walls(self) -> tuple[WallSegment, ...]:
-        return self.map_walls()
-
-    @property
-    def outline(self) -> float:
-        """Share of all directions from the start in which the map has a wall, 0 to 1."""
-        return outline_closed(self._walls, (0.0, 0.0))
-
-    @property
-    def walls_m(self) -> float:
-        """Total length of the mapped walls, m."""
-        return sum(wall.length_m for wall in self._walls)
-
-
-@value
-class Outputs:
-    """Outputs of one tick."""
-
-    setpoint: Setpoint | None
-    command: Command | None
-    pose: Pose | None
-    """Estimated pose of the drone; None before the estimator has started."""
-    progress: Progress
-    flight: FlightState
-    scan: RangeScan
-    """Range readings after validation."""
-    team: tuple[bytes, ...] = ()
-    """Packets for the teammates."""
-
-    @property
-    def finished(self) -> bool:
-        return self.flight.phase in FINAL_PHASES
 
 
 class App:
@@ -339,7 +272,7 @@ class App:
         near = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, near.points_frd_m)
         around = replace(near, recalled_frd_m=recalled)
-        return self.team.around(around, pose, self.flight) if self.team else around
+        return self.team.around(around, pose, self._own) if self.team else around
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
         """The map; among legs with the recent obstacles that the map has lost."""

@@ -14,11 +14,12 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 
-from companion.app import App, Inputs, Outputs
+from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.safety.health.lateness import TICK_S
+from companion.ticks import Inputs, Outputs
 from sitl.bench.references import Recorded, dead_reckoned, to_local
 from sitl.scoring.report import make_report
 from sitl.simulation.lockstep import fly_in_lockstep

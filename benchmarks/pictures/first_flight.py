@@ -10,8 +10,8 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from statistics import mean
 
-from companion.app import Progress
 from companion.config import settings as configuration
+from companion.ticks import Progress
 from sitl.scoring.report import Report, make_report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup

@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.robustness import fuzz_texts
-from companion.app import App, Inputs
+from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config, LinkConfig, SensorsConfig
 from companion.core.errors import CompanionError
@@ -34,6 +34,7 @@ from companion.link.link import Link
 from companion.link.transports.transport import Message, decode, make_codec
 from companion.offline.reading.readers import read_log
 from companion.recording.reader import read
+from companion.ticks import Inputs
 from sitl.autopilot.core import Autopilot
 from sitl.core.errors import SitlError
 from sitl.core.truth import TrueState

@@ -6,11 +6,12 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from companion.app import App, Inputs
+from companion.app import App
 from companion.config.settings import Config, to_toml
 from companion.core.messages import FloorPlan, GyroSample, RangeScan, VehicleState
 from companion.link.link import Telemetry
 from companion.recording.recorder import open_recorder
+from companion.ticks import Inputs
 from sitl.testing.actions.table import ACTIONS
 
 ROOMS = Path(__file__).parents[2] / "sitl" / "world" / "rooms"

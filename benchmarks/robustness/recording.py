@@ -13,10 +13,10 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from companion.app import Progress
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
+from companion.ticks import Progress
 from sitl.bench.speed import on_one_core
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup

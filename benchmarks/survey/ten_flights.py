@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from companion.app import App, Inputs, Outputs
+from companion.app import App
 from companion.config import settings
 from companion.config.settings import Config
 from companion.earlier import EarlierFlights
@@ -22,6 +22,7 @@ from companion.safety.health.lateness import TICK_S
 from companion.survey.flights import Flown
 from companion.survey.folder import Pad
 from companion.survey.merge import Merged, Starts, merge
+from companion.ticks import Inputs, Outputs
 from sitl.running.sorties import on_the_pad
 from sitl.sensors.beam import RAY
 from sitl.simulation.lockstep import fly_in_lockstep

@@ -6,9 +6,9 @@ with a default may be added later.
 
 from msgspec import msgpack
 
-from companion.app import Inputs
 from companion.core.messages import FloorPlan
 from companion.core.values import value
+from companion.ticks import Inputs
 
 
 @value

@@ -6,12 +6,12 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
 from msgspec import json
 
-from companion.app import Inputs, Outputs
 from companion.core.messages import Beam, GyroSample, WallSegment
 from companion.pdps.flight.state import FlightState, Phase
 from companion.recording import foxglove, topics
 from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord
+from companion.ticks import Inputs, Outputs
 
 NUMBERS_PERIOD_S = 0.1
 """Interval of the topics for plots, s. Chosen."""

@@ -10,7 +10,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
-from companion.app import Inputs, Outputs
 from companion.config.settings import Config
 from companion.core.errors import RecordingError
 from companion.core.messages import FloorPlan, WallSegment
@@ -24,6 +23,7 @@ from companion.recording.exact import Tick, encode_plan, encode_ticks
 from companion.recording.mcap_file import McapFile
 from companion.recording.notes import Notes
 from companion.recording.tlog import Tap, TlogEncoder
+from companion.ticks import Inputs, Outputs
 
 FLUSH_PERIOD_S = 0.5
 """Interval of writes, s of real time: limits the loss by a crash, and the cost of writing.

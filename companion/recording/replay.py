@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 
-from companion.app import App, Outputs
+from companion.app import App
 from companion.recording.exact import encode_plan
 from companion.recording.reader import Recording
+from companion.ticks import Outputs
 
 
 def nobody_looks_on(outputs: Outputs) -> None:

@@ -8,9 +8,9 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from companion.app import Progress
 from companion.core.messages import FloorPlan
 from companion.pdps.flight.state import FlightState
+from companion.ticks import Progress
 
 
 class ProgressLine:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from companion.app import App, Inputs, Outputs, Progress
+from companion.app import App
 from companion.core.messages import STALE, Order, RangeScan
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
@@ -16,6 +16,7 @@ from companion.link.reports import Reports
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 from companion.team.radio import NoRadio, TeamRadio
+from companion.ticks import Inputs, Outputs, Progress
 
 READ_S = 0.06
 """Maximum time to read one kind of input, s.

@@ -18,7 +18,7 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import TypeVar
 
-from companion.app import App, Inputs, Outputs, Progress
+from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.errors import FlightEndedError
@@ -31,6 +31,7 @@ from companion.run.hardware import open_rig
 from companion.run.loop import ControlLoop
 from companion.team.radio import new_instance
 from companion.team.teammate import Heard
+from companion.ticks import Inputs, Outputs, Progress
 
 T = TypeVar("T")
 LOOK_S = 0.2

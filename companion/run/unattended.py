@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from companion.app import App, Inputs, Outputs, Progress
+from companion.app import App
 from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
 from companion.export.map_files import AutoSave, save
@@ -15,6 +15,7 @@ from companion.recording.recorder import Recorder
 from companion.run.console import ProgressLine, summary
 from companion.run.loop import ControlLoop, Record, Rig, record_nothing
 from companion.run.systemd import Service
+from companion.ticks import Inputs, Outputs, Progress
 
 EXIT_FAILED = 1
 """Exit status after an error, as of any program: the caller starts the recovery."""

@@ -92,6 +92,8 @@ class Surroundings:
     """(d,): distance to keep from each, between the centres, m."""
     lets_pass: bool = False
     """The drone is to be above a teammate that has the right of way."""
+    may_climb: bool = True
+    """Nothing is known near the drone that hangs too low for a climb above a teammate."""
     is_column_free: bool = True
     """No teammate flies near the column above the drone."""
     climb_limits_m_s: Vector2 = (-MAX_CLIMB_M_S, MAX_CLIMB_M_S)

@@ -29,6 +29,7 @@ from companion.pdps.layers import layer_height_m
 from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.separation import (
+    PASSING_M,
     OtherDrone,
     climb_limits,
     is_column_free,
@@ -41,6 +42,9 @@ from companion.team.flight_state import layer_of, needs_column, state_of, track_
 from companion.team.sharing import LOW_PERIOD_S, OwnMap
 from companion.team.team import Team, TeamView
 
+CLIMB_BESIDE_M = 0.5
+"""A drone that climbs keeps its centre so far from things that hang low, m. Chosen: the body's
+radius, and the errors of the place that it holds and of the map."""
 LAYERS_APART_M = 0.7
 """Least height between two layers of a team, m. Chosen: beyond `MIN_VERTICAL_M`, by the errors of
 two heights."""
@@ -84,8 +88,8 @@ class OnBoardTeam:
         self._bearings_frd_rad = bearings_frd_rad
         self._others: tuple[OtherDrone, ...] = ()
         self._now_s = 0.0
-        self._low: dict[int, tuple[float, tuple[Vector2, ...]]] = {}
-        """Places where something hangs too low for each layer, and when they were found, s."""
+        self._low: dict[float, tuple[float, tuple[Vector2, ...]]] = {}
+        """Places where something hangs lower than a height, m, and when they were found, s."""
 
     @classmethod
     def of(
@@ -110,9 +114,9 @@ class OnBoardTeam:
         pose = own.estimator.pose(now_s) if own.estimator else Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         return without_others(scan, pose, self._others, self._bearings_frd_rad)
 
-    def around(self, around: Surroundings, pose: Pose, flight: FlightState) -> Surroundings:
+    def around(self, around: Surroundings, pose: Pose, own: Own) -> Surroundings:
         """The surroundings with the teammates."""
-        others = self._others
+        others, flight = self._others, own.flight
         if not others:
             return around
         others_frd_m, keep_off_m = keep_off(others, pose, needs_column(flight, pose.height_m))
@@ -122,9 +126,15 @@ class OnBoardTeam:
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
             lets_pass=lets_pass(others, pose, level_m, passes=flight.passing is not None),
+            may_climb=self._may_climb(pose, level_m, own),
             is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
+
+    def _may_climb(self, pose: Pose, level_m: float, own: Own) -> bool:
+        """True if nothing is known near the drone that hangs too low for a climb by `PASSING_M`."""
+        low_ne_m = self._lower_ne_m(own, level_m + PASSING_M + clear_of_all_m(self._mission))
+        return all(math.dist(place, pose.ne_m) > CLIMB_BESIDE_M for place in low_ne_m)
 
     def view(self, now_s: float, own: Own) -> TeamView:
         """What the missions know of the teammates."""
@@ -142,13 +152,17 @@ class OnBoardTeam:
         return allowed_above(grids, own.flight.layers.seen, partial(self._low_ne_m, own))
 
     def _low_ne_m(self, own: Own, layer: int) -> tuple[Vector2, ...]:
-        """Places where something hangs too low for a layer, as known some seconds ago."""
-        known_s, places = self._low.get(layer, (-math.inf, ()))
+        """Places where something hangs too low for a layer."""
+        height_m = layer_height_m(layer, self._mission)
+        return self._lower_ne_m(own, height_m + clear_of_all_m(self._mission))
+
+    def _lower_ne_m(self, own: Own, top_m: float) -> tuple[Vector2, ...]:
+        """Places where something hangs lower than a height, as known some seconds ago."""
+        known_s, places = self._low.get(top_m, (-math.inf, ()))
         if self._now_s - known_s < LOW_PERIOD_S:
             return places
-        top_m = layer_height_m(layer, self._mission) + clear_of_all_m(self._mission)
         places = own.overhead.lower_than(top_m, own.ceiling_m) + self.mates.low_ne_m(top_m)
-        self._low[layer] = self._now_s, places
+        self._low[top_m] = self._now_s, places
         return places
 
     def tell(self, pose: Pose, own: Own, battery: float | None) -> tuple[bytes, ...]:

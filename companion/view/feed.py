@@ -19,10 +19,11 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from companion.app import App, Inputs, Outputs
+from companion.app import App
 from companion.config.settings import Config
 from companion.core.errors import ViewError
 from companion.core.secret import answer, is_loopback, needs_token, read_token
+from companion.ticks import Inputs, Outputs
 from companion.view.snapshot import encode, snapshot
 
 GREETING = b"PDPS view 1\n"

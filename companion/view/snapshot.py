@@ -5,12 +5,13 @@ from dataclasses import field
 
 from msgspec import msgpack
 
-from companion.app import MAX_SKETCHED, App, Inputs, Outputs
+from companion.app import MAX_SKETCHED, App
 from companion.config.settings import Config
 from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Sketch
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
 from companion.team.teammate import Heard
+from companion.ticks import Inputs, Outputs
 
 
 @value

@@ -10,10 +10,11 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from companion.app import App, Inputs, Outputs
+from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
+from companion.ticks import Inputs, Outputs
 from sitl.bench.parallel import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
 from sitl.scoring.report import Report, make_report

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config import settings as configuration
 from companion.core.errors import OutputError
 from companion.export.map_files import AutoSave, load_json, save_as, save_json
 from companion.pdps.flight.state import FINAL_PHASES, Phase
+from companion.ticks import Progress
 from sitl.bench.fault_cases import Case, draw_case
 from sitl.bench.parallel import attempted
 from sitl.scoring.report import Report

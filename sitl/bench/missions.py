@@ -5,11 +5,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
 from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
+from companion.ticks import Progress
 from sitl.bench.parallel import attempted, with_a_bar
 from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions

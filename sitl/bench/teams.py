@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config.settings import MissionConfig
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Hit
 from companion.pdps.flight.state import Phase
 from companion.pdps.layers import layer_height_m
 from companion.pdps.room_scan_state import ScanPhase
+from companion.ticks import Progress
 from sitl.bench import missions
 from sitl.bench.missions import Flown, Job, Sketch, in_world
 from sitl.bench.parallel import attempted

@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.core.arrays import Array
 from companion.core.errors import SurveyError
@@ -31,6 +31,7 @@ from companion.survey.merge import Merged, Starts, merge
 from companion.survey.solved import keep
 from companion.survey.team_starts import pad_of
 from companion.team.pads import pad_sigma, relative_pad
+from companion.ticks import Progress
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from companion.app import App, Outputs, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.core.errors import RecordingError
 from companion.pdps.flight.state import FINAL_PHASES
@@ -18,6 +18,7 @@ from companion.recording.reader import read
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.recording.replay import replay
 from companion.run.console import ProgressLine
+from companion.ticks import Outputs, Progress
 from sitl.core.errors import SitlError
 from sitl.running.options import FlightOptions
 from sitl.running.processes import CONFIG_FILE, TRUTH_FILE, fly_in_processes

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.link.transports.transport import direct_pair, pipe_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.run.hardware import make_rig
 from companion.run.loop import ControlLoop
+from companion.ticks import Progress
 from sitl.autopilot.core import keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.sensors.line import on_virtual_time

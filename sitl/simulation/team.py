@@ -12,13 +12,14 @@ Each tick is of the drone that is due next. Before it, time advances for all.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.earlier import EarlierFlights
 from companion.link.transports.transport import direct_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.run.hardware import make_rig
 from companion.run.loop import ControlLoop
+from companion.ticks import Progress
 from sitl.autopilot.core import keep_nothing
 from sitl.core.radio import LinkErrors
 from sitl.sensors.line import on_virtual_time

@@ -7,11 +7,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
+from companion.ticks import Progress
 from sitl.autopilot.core import NO_PARAMETERS
 from sitl.core.radio import LinkErrors
 from sitl.scoring.report import Report, make_report

@@ -4,11 +4,12 @@ import time
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
 
-from companion.app import App, Inputs, Outputs, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NotRecorded
+from companion.ticks import Inputs, Outputs, Progress
 from companion.view.snapshot import snapshot
 from sitl.core.errors import SitlError
 from sitl.scoring.team_report import merged_flights

@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.app import App, Progress
+from companion.app import App
 from companion.config.settings import Config
 from companion.link.signing import Signing
 from companion.link.transports.transport import Message, make_codec, pipe_pair
 from companion.run.hardware import make_rig
 from companion.run.loop import ControlLoop
+from companion.ticks import Progress
 from sitl.autopilot.ardupilot import LAND, LOITER
 from sitl.simulation.lockstep import LockstepClock
 from sitl.simulation.simulation import Setup, Simulation

@@ -52,6 +52,7 @@ from companion.core.messages import HOLD, STALE, Beam, Order, Setpoint, Task, Ve
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
+from companion.navigation.travel import in_the_open
 from companion.navigation.travel_state import Travel
 from companion.pdps import explore, layers, room_scan
 from companion.pdps.explore import Explore, ExplorePhase
@@ -147,7 +148,7 @@ def _let_pass(
         is_above = pose.height_m > level_m + ABOVE_LEVEL_M
         is_over = not (view.around.lets_pass or is_above) or _changes_height(flight)
         passing = None if is_over else passing.see(pose, up, observation.mount_offset_m)
-    elif view.around.lets_pass and not _changes_height(flight):
+    elif _may_let_pass(flight, view):
         mount_m = observation.mount_offset_m
         passing = passing_from(pose, up, mount_m, level_m, plan.clearance_m)
     if passing is not flight.passing:
@@ -156,6 +157,12 @@ def _let_pass(
         return flight, wanted
     staying = stay(passing.at_ne_m, pose)
     return flight, replace(staying, yaw_rate_rad_s=wanted.yaw_rate_rad_s)
+
+
+def _may_let_pass(flight: FlightState, view: TickInput) -> bool:
+    """True if the drone may climb now: not in a doorway, nor near anything that hangs low."""
+    wanted = view.around.lets_pass and not _changes_height(flight)
+    return wanted and view.around.may_climb and in_the_open(view.observation, view.space)
 
 
 def _changes_height(flight: FlightState) -> bool:

@@ -27,6 +27,7 @@ from tests.unit.pdps.flight_ticks import (
     ON_GROUND,
     PLAN,
     SILENT,
+    SPACE,
     after,
     asks,
     flying,
@@ -96,6 +97,14 @@ def test_a_drone_below_a_lintel_does_not_climb_to_let_a_teammate_pass(above: Ran
     assert not flight.passing
     assert action.setpoint is not None
     assert action.setpoint.down_m_s == pytest.approx(0.0)
+
+
+def test_a_drone_beside_a_lintel_or_in_a_doorway_does_not_climb() -> None:
+    beside = replace(view(), around=Surroundings(lets_pass=True, may_climb=False))
+    assert not step(flying(Phase.HOME), beside, PLAN)[0].passing
+    jambs = SPACE.with_obstacles(np.array([(1.0, 0.5), (1.0, 1.5)]))
+    between = replace(view(), around=Surroundings(lets_pass=True), space=jambs)
+    assert not step(flying(Phase.HOME), between, PLAN)[0].passing
 
 
 def test_a_climb_ends_below_a_lintel_that_was_measured_on_the_way() -> None:

@@ -18,7 +18,6 @@ from mcap_protobuf.decoder import DecoderFactory
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.app import Inputs, Progress
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.config.team import PadConfig, TeamConfig
@@ -42,6 +41,7 @@ from companion.recording.reader import read
 from companion.recording.recorder import FlightRecorder, open_recorder
 from companion.recording.replay import is_same_map, replay
 from companion.recording.tlog import Tap
+from companion.ticks import Inputs, Progress
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.testing import Flight, Sitl, at, crash, link_down, unplug, when

@@ -11,8 +11,8 @@ from typer.main import get_command
 
 import companion.commands.cli
 import sitl.commands.cli
-from companion.app import Progress
 from companion.run.console import ProgressLine
+from companion.ticks import Progress
 
 
 def test_notices_to_the_pilot_are_plain_text_on_a_pipe() -> None:

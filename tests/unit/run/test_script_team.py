@@ -3,9 +3,9 @@
 import pytest
 
 from companion import connect
-from companion.app import Outputs, Progress
 from companion.core.messages import RangeScan
 from companion.pdps.flight.state import FlightState
+from companion.ticks import Outputs, Progress
 from tests.unit.team.rooms import PADS, Member
 
 TEAM = {

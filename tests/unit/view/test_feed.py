@@ -10,7 +10,7 @@ from threading import Thread
 
 import pytest
 
-from companion.app import App, Inputs, Outputs, Progress
+from companion.app import App
 from companion.config.settings import Config, MissionConfig, ViewConfig, load
 from companion.core.errors import ConfigError, ViewError
 from companion.core.messages import (
@@ -25,6 +25,7 @@ from companion.core.messages import (
 )
 from companion.link.link import Telemetry
 from companion.pdps.flight.state import FlightState
+from companion.ticks import Inputs, Outputs, Progress
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
