@@ -274,6 +274,8 @@ class Occupancy:
 
     def _middles(self, cells: Sequence[NDArray[Any]], window: tuple[slice, slice]) -> Array:
         """(n, 2): middles of cells, as rows and columns (n,) of a window."""
+        if not len(cells[0]):
+            return np.empty((0, 2))
         return CELL_M * np.column_stack(
             [
                 each + (part.start + low) + 0.5
@@ -284,6 +286,8 @@ class Occupancy:
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
         """Distance to the nearest occupied cell, at most `within_m`."""
         near, _ = self.met_near(place_ne_m, within_m)
+        if not len(near):
+            return within_m
         off = near - self.place(self.cell(place_ne_m))
         return min(float(np.hypot(*off.T).min(initial=within_m)), within_m)
 
