@@ -26,10 +26,16 @@ BATTERY_S, SORTIES = 600.0, 6
 """Time of a battery, s, and most flights."""
 
 
+def plans_in(folder: Path) -> list[str]:
+    """The floor plans that are not malls."""
+    return sorted(str(path) for path in folder.glob("*.json") if not MALLS.fullmatch(path.stem))
+
+
 def jobs(folder: Path) -> list[SurveyJob]:
     """A survey of each world, from its first start."""
-    plans = sorted(str(path) for path in folder.glob("*.json") if not MALLS.fullmatch(path.stem))
-    flights = jobs_for([*plans, *BUILDINGS], 1, ["gp2y0a710k0f"], "building", battery_s=BATTERY_S)
+    flights = jobs_for(
+        [*plans_in(folder), *BUILDINGS], 1, ["gp2y0a710k0f"], "building", battery_s=BATTERY_S
+    )
     return [SurveyJob(job, SORTIES, is_compared=True) for job in from_first_starts(flights)]
 
 
