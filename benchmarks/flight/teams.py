@@ -9,6 +9,7 @@ of all worlds takes about two hours on two cores; the same command resumes an in
 """
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -16,7 +17,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.resumed import run_remaining
-from benchmarks.survey.plans import BATTERY_S, BUILDINGS, MALLS
+from benchmarks.survey.plans import BATTERY_S, BUILDINGS, plans_in
 from companion.export.map_files import save_as
 from sitl.bench.sets import from_first_starts, jobs_for
 from sitl.bench.sheet import draw_sheet
@@ -35,7 +36,7 @@ class Group:
     battery_s: float | None = None
 
 
-GROUPS = (
+GROUPS: tuple[Group, ...] = (
     Group("room", 2, ("room_100", "room_200", "room_300")),
     Group("building", 2, ("two_room_300", "three_room_450", "complex", "office")),
     Group("building", 2, tuple(f"random_{seed}" for seed in range(1, 21))),
@@ -56,7 +57,7 @@ def jobs(groups: tuple[Group, ...], seeds: int) -> list[TeamJob]:
     ]
 
 
-def identity(row: dict[str, object]) -> tuple[object, ...]:
+def identity(row: Mapping[str, object]) -> tuple[object, ...]:
     """What tells a row from all others."""
     return tuple(row[key] for key in ("mission", "drones", "world", "seed"))
 
@@ -69,10 +70,7 @@ def main() -> None:
     given = parser.parse_args()
     groups = GROUPS
     if given.plans:
-        plans = sorted(
-            path for path in given.plans.glob("*.json") if not MALLS.fullmatch(path.stem)
-        )
-        groups = (*groups, Group("building", 4, tuple(map(str, plans)), BATTERY_S))
+        groups = (*groups, Group("building", 4, tuple(plans_in(given.plans)), BATTERY_S))
     teams = run_remaining(
         given.out / "teams.pickle",
         jobs(groups, given.seeds),
