@@ -120,8 +120,11 @@ class Survey:
         return joint.earlier if joint else None
 
     def _next_pad(self, frame: tuple[float, float, float]) -> Array:
-        """(3,): the pad of the drone that flies next, in a frame as in `Index.frame`."""
-        if self._team is None:
+        """(3,): the pad of the drone that flies next, in a frame as in `Index.frame`.
+
+        One that flies alone begins where the first flight began.
+        """
+        if self._team is None or not self._team.name:
             return SURVEY_PAD
         north_m, east_m, heading_deg = frame
         first = PadConfig(north_m=north_m, east_m=east_m, heading_deg=heading_deg)

@@ -34,10 +34,12 @@ def pad_of(team: TeamConfig) -> PadConfig:
 
 
 def team_starts(recordings: Sequence[Recording]) -> dict[str, Array]:
-    """Starts (3,) of the flights after the first, in its frame, by the name of the recording."""
+    """Starts (3,) of a team's flights after the first, in its frame, by the recording's name."""
     first = pad_of(recordings[0].config.team)
     return {
-        each.path.name: relative_pad(first, pad_of(each.config.team)) for each in recordings[1:]
+        each.path.name: relative_pad(first, pad_of(each.config.team))
+        for each in recordings[1:]
+        if each.config.team.name
     }
 
 

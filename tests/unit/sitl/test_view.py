@@ -47,5 +47,5 @@ def test_a_team_has_the_sensors_that_the_page_selects() -> None:
 
 
 def test_a_mission_that_a_team_does_not_fly_is_refused() -> None:
-    with pytest.raises(ConfigError, match="is not flown by a team of 2"):
-        FlightRequest("room_100", mission="layers", drones=2).setups(ROOM)
+    with pytest.raises(ConfigError, match="is not flown by a team of 3"):
+        FlightRequest("room_100", mission="room", drones=3).setups(ROOM)

@@ -116,11 +116,12 @@ def team(number: int, pads: tuple[PadConfig, ...] = PADS) -> Recording:
     return Recording(Path(f"drone{number}.mcap"), config)
 
 
-def test_a_drone_without_a_team_began_on_the_first_pad() -> None:
+def test_only_the_drones_of_a_team_have_pads() -> None:
     alone = Recording(Path("alone.mcap"))
     starts = team_starts([team(2), team(1), alone])
+    assert list(starts) == ["drone1.mcap"]
     assert starts["drone1.mcap"] == pytest.approx([2.0, 1.0, -math.pi / 2])
-    assert starts["alone.mcap"] == pytest.approx([2.0, 1.0, -math.pi / 2])
+    assert team_starts([alone, alone]) == {}
 
 
 def test_recordings_with_other_pads_are_refused() -> None:
