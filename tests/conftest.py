@@ -12,6 +12,7 @@ once. Those of the slow layers are distributed one by one: tests that start prog
 them, among flights, which need the processor all the time.
 """
 
+import signal
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +20,10 @@ import pytest
 from hypothesis import settings
 from xdist.remote import Producer
 from xdist.scheduler import LoadScopeScheduling
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # a job in the background ignores Ctrl-C, and so would the programs that the tests start
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("same", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None)

@@ -14,7 +14,7 @@ import math
 import random
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from sitl.core.radio import LinkErrors
 from sitl.scoring.team_report import scored
 from sitl.sensors.beam import RAY
 from sitl.simulation.fleet import Fleet
+from sitl.simulation.record import AIRBORNE_M
 from sitl.simulation.simulation import Setup, start_state
 from sitl.simulation.team import fly_team_in_lockstep
 from sitl.simulation.team_pads import team_setups
@@ -48,13 +49,13 @@ WORLDS = {
 """Worlds and their missions."""
 BAD_RADIO = LinkErrors(loss=0.3, jitter_s=0.3)
 PARTITION_S = 60.0
+"""Time for which all radios fail, s."""
 OFF_PAD_FRD_M, OFF_PAD_DEG = (1.0, -1.0), 20.0
 """How the drone stands off its pad: forward and left, m, nearer to the first drone; and turned."""
 FAULT_FROM_S, FAULT_TO_S = 15.0, 90.0
 """Time of a fault after the start, s."""
 MIN_APART_M = 0.6
-AIRBORNE_M = 0.5
-"""Height above which a drone can crash, m."""
+"""Distance between the centres of two drones that a flight must keep, m."""
 
 
 class TeamFault(StrEnum):
@@ -99,7 +100,7 @@ class Script:
     """Injects the fault of a job."""
 
     job: FaultJob
-    has_crashed: bool = field(default=False)
+    has_crashed: bool = False
 
     def __call__(self, fleet: Fleet, apps: Sequence[App], air: TeamAir) -> None:
         job, now_s = self.job, fleet.time_s

@@ -229,7 +229,7 @@ def _moved(tried: tuple[Places, ...], start: Array) -> tuple[Places, ...]:
     """The targets of looks, in a frame in which their own begins at `start` (3,)."""
     moved = []
     for places in tried:
-        whole_mm = np.round(places_moved_to(start, np.array(places)), 3)
+        whole_mm = np.round(places_moved_to(start, np.array(places).reshape(-1, 2)), 3)
         moved.append(tuple((north_m, east_m) for north_m, east_m in whole_mm.tolist()))
     return tuple(moved)
 

@@ -121,12 +121,13 @@ class OnBoardTeam:
             return around
         others_frd_m, keep_off_m = keep_off(others, pose, needs_column(flight, pose.height_m))
         level_m = flight.layers.height_m(self._mission)
+        passes = lets_pass(others, pose, level_m, passes=flight.passing is not None)
         return replace(
             around,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
-            lets_pass=lets_pass(others, pose, level_m, passes=flight.passing is not None),
-            may_climb=self._may_climb(pose, level_m, own),
+            lets_pass=passes,
+            may_climb=passes and self._may_climb(pose, level_m, own),
             is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
