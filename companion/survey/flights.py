@@ -70,6 +70,8 @@ class Flown:
             m, alone = estimator.solved()
         except np.linalg.LinAlgError as error:
             raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
+        if not alone.wall_of.size:
+            raise SurveyError(f"{name}: the drone measured no wall; leave this recording out")
         return cls(
             name,
             estimator.models,

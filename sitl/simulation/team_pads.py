@@ -27,7 +27,7 @@ tried, m. Chosen: a drone climbs while its neighbour waits."""
 PAD_BEARINGS = 24
 """Bearings from the start that are tried for a pad. Chosen."""
 PAD_CLEAR_M = 0.25
-"""Least clearance of a hull over a pad, at the height of the mission, m. Chosen."""
+"""Least clearance of a hull over a pad and on the way to it, m. Chosen."""
 
 
 def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup], list[Config]]:
@@ -82,12 +82,11 @@ def team_pads(setup: Setup, height_m: float, drones: int) -> tuple[PadConfig, ..
     model = WorldModel(setup.world)
 
     def is_free(offset: Vector2) -> bool:
-        """True if the way from the start to the pad is free, too."""
-        places = (moved(start_ne_m, (s * offset[0], s * offset[1]), take_off.yaw_rad) for s in _WAY)
-        return all(
-            model.clearance_m((north_m, east_m, -height_m)) > BODY_RADIUS_M + PAD_CLEAR_M
-            for north_m, east_m in places
-        )
+        """True if the way up from the pad, and from there to above the start, is free."""
+        pad = moved(start_ne_m, offset, take_off.yaw_rad)
+        ways = (moved(start_ne_m, (s * offset[0], s * offset[1]), take_off.yaw_rad) for s in _WAY)
+        places = [(*pad, -s * height_m) for s in _WAY] + [(*place, -height_m) for place in ways]
+        return all(model.clearance_m(place) > BODY_RADIUS_M + PAD_CLEAR_M for place in places)
 
     chosen: list[Vector2] = [(0.0, 0.0)]
     for offset in _candidates():
@@ -122,4 +121,4 @@ def _candidates() -> Iterator[Vector2]:
 
 
 _WAY = tuple(np.linspace(0.0, 1.0, 25).tolist())
-"""Shares of the way from the start to a pad."""
+"""Shares of the way up from a pad, and from the start to it."""
