@@ -51,6 +51,16 @@ class Tracing:
 
 
 @value
+class DoorwayClaim:
+    """The doorway in which a teammate is, or to which it comes next."""
+
+    middle_ne_m: Vector2
+    away_m: float
+    """Distance of the teammate from its middle, m."""
+    comes_first: bool
+
+
+@value
 class LayerClaim:
     """The layer of a teammate in the air."""
 
@@ -112,6 +122,8 @@ class Observation:
     """What the teammates go to look at."""
     tracings: tuple[Tracing, ...] = ()
     """Teammates that trace the same room."""
+    doorway_claims: tuple[DoorwayClaim, ...] = ()
+    """Doorways of the teammates at the same height."""
     team_layers: TeamLayers | None = None
     """None for a drone that flies alone, and in other missions."""
 

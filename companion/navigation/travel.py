@@ -23,7 +23,8 @@ again
 - if it passes a doorway, after each step of the pose, because the step moves the map.
 
 The drone waits for a person who stands on the path. After a while the map contains the person; then
-the path leads round, or there is none.
+the path leads round, or there is none. It waits before a doorway that a teammate passes first
+(`doorway_claims.py`).
 
 Safety: the drone flies nose first and only through cells that beams measured as free. It is slow
 where clearance is small, and stops before any obstacle that appears ahead.
@@ -39,6 +40,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import HOLD, Setpoint
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation import sweep as sweeping
+from companion.navigation.doorway_claims import waiting
 from companion.navigation.doorway_sweeps import (
     SWEEP_FROM_M,
     SWEEP_ROOM_M,
@@ -68,6 +70,7 @@ from companion.navigation.grid_planner import (
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M, Way, faced, follow, is_blocked, passed
 from companion.navigation.travel_state import Travel, TravelPhase
+from companion.safety.control_laws import stay
 from companion.safety.velocity_guard import clear_of_all_m
 
 CHECK_S, PLAN_S = 2.0, 8.0
@@ -97,7 +100,10 @@ def step(
     """Runs one tick. Returns the next state and the velocity setpoint."""
     match travel.phase:
         case TravelPhase.FLY:
-            return _fly(travel, observation, space, plan)
+            travel = waiting(travel, observation)
+            if travel.waits_at_ne_m is None:
+                return _fly(travel, observation, space, plan)
+            return travel, stay(travel.waits_at_ne_m, observation.pose)
         case TravelPhase.SWEEP:
             return _sweep(travel, observation, plan)
         case TravelPhase.WITHDRAW:

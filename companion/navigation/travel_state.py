@@ -55,6 +55,10 @@ class Travel:
     """True after the turn all round, which is done once, if there is no path."""
     withdrew: bool = False
     """True after the withdrawal from obstacles too near to measure, which is done once."""
+    waits_at_ne_m: Vector2 | None = None
+    """Place where the drone waits until a teammate has passed the doorway ahead."""
+    waits_since_s: float = math.inf
+    """Time since which the doorway ahead is another drone's, s."""
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """Time and place of the last progress."""

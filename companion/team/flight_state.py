@@ -6,6 +6,7 @@ import numpy as np
 
 from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import Pose
+from companion.navigation.doorway_claims import claimed
 from companion.pdps.explore import ExplorePhase
 from companion.pdps.flight.state import COLUMN_PHASES, FLYING_PHASES, FlightState, Phase
 from companion.pdps.layers import LayersPhase
@@ -75,7 +76,13 @@ def state_of(
         received,
         layer_of(flight),
         tuple(sorted(flight.layers.seen)),
+        _doorway_ne_m(flight, pose),
     )
+
+
+def _doorway_ne_m(flight: FlightState, pose: Pose) -> Vector2 | None:
+    doorway = claimed(flight.travel, pose.ne_m) if flight.travel else None
+    return doorway.middle_ne_m if doorway else None
 
 
 def _flies_over(flight: FlightState, pose: Pose) -> tuple[Vector2, ...]:

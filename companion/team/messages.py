@@ -80,6 +80,8 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     """The layer in which it works, or to which it climbs; None on the ground or on its way home."""
     layers_seen: Annotated[tuple[Layer, ...], Meta(max_length=MAX_LAYERS)]
     """Layers of which it knows that they were seen, also from others."""
+    doorway_ne_m: Place | None
+    """Middle of the doorway in which it is, or to which it comes next."""
 
 
 class WallLines(Struct, tag="walls", frozen=True, array_like=True):

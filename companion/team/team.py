@@ -23,7 +23,7 @@ from companion.core.frames import Vector2
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
-from companion.navigation.observation import Claim, TeamLayers, Tracing
+from companion.navigation.observation import Claim, DoorwayClaim, TeamLayers, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Keyframes,
@@ -50,6 +50,7 @@ class TeamView(TypedDict, total=False):
     explorers_ne_m: tuple[Vector2, ...]
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
+    doorway_claims: tuple[DoorwayClaim, ...]
     team_layers: TeamLayers
 
 
@@ -174,11 +175,13 @@ class Team:
         claims = (mate.claim(now_s, layer) for mate in self._mates.values())
         explorers = (mate.explorer_ne_m(now_s) for mate in self._mates.values())
         tracings = (mate.tracing(now_s) for mate in self._mates.values())
+        doorways = (mate.doorway_claim(now_s, layer) for mate in self._mates.values())
         return TeamView(
             is_in_team=any(mate.pieces for mate in self._credible),
             explorers_ne_m=tuple(each for each in explorers if each is not None),
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
+            doorway_claims=tuple(each for each in doorways if each is not None),
         )
 
     def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:

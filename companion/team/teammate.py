@@ -19,7 +19,7 @@ from companion.estimation.smoothing.state import YAW, Unknowns
 from companion.mapping.joined_grid import centres, contradicted
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
-from companion.navigation.observation import Claim, LayerClaim, Tracing
+from companion.navigation.observation import Claim, DoorwayClaim, LayerClaim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
     Body,
@@ -77,6 +77,7 @@ ON_PAD = State(
     received={},
     layer=None,
     layers_seen=(),
+    doorway_ne_m=None,
 )
 """State of a drone that was not heard yet: it stands on its pad."""
 
@@ -316,6 +317,16 @@ class Teammate:
     def layers_seen(self) -> tuple[int, ...]:
         """Layers of which it knows that they were seen."""
         return self.state.layers_seen if self.state and self.is_credible else ()
+
+    def doorway_claim(self, now_s: float, layer: int) -> DoorwayClaim | None:
+        """Its doorway; None without one, in another layer, or if it is not heard any more."""
+        state = self.state
+        if state is None or not self.is_heard(now_s) or not self.is_credible:
+            return None
+        if state.doorway_ne_m is None or state.layer not in (None, layer):
+            return None
+        away_m = math.dist(state.ne_m, state.doorway_ne_m)
+        return DoorwayClaim(self._in_own_frame(state.doorway_ne_m), away_m, self._comes_first)
 
     def claim(self, now_s: float, layer: int) -> Claim | None:
         """What it goes to look at in a layer; None if nothing, or if it is not heard any more."""

@@ -18,17 +18,21 @@ class Outcome:
 
 
 def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
-    """The true flights one after the other, at the times of the joint map."""
+    """The true flights one after the other, at the times of the joint map.
+
+    A drone that has landed before its teammates is still recorded; that part is left out, because
+    the next flight has those times.
+    """
     joint = TruthRecord(truths[0].take_off)
     joint.clearance_m = min(truth.clearance_m for truth in truths)
     joint.collisions = sum(truth.collisions for truth in truths)
     joint.air_time_s = sum(truth.air_time_s for truth in truths)
-    later_s = {flight.name: flight.later_s for flight in merged.flights}
+    begins_s = [flight.later_s for flight in merged.flights]
     joint.path = [
-        replace(state, time_s=state.time_s + later_s[name])
-        for number, truth in enumerate(truths, 1)
-        if (name := f"flight {number}") in later_s
-        for state in truth.path
+        later
+        for flight, ends_s in zip(merged.flights, [*begins_s[1:], math.inf], strict=True)
+        for state in truths[int(flight.name.removeprefix("flight ")) - 1].path
+        if (later := replace(state, time_s=state.time_s + flight.later_s)).time_s < ends_s
     ]
     return joint
 

@@ -161,7 +161,17 @@ class FlightState:
         """True while the drone waits for others, and lets them pass."""
         is_waiting = self.explores is not None and self.explores.phase is ExplorePhase.WAIT
         chooses = self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.CHOOSE
-        return is_waiting or chooses or self.phase in (Phase.HOVER, Phase.HOLD)
+        is_at_doorway = self.travel is not None and self.travel.waits_at_ne_m is not None
+        return is_waiting or chooses or is_at_doorway or self.phase in (Phase.HOVER, Phase.HOLD)
+
+    @property
+    def travel(self) -> Travel | None:
+        """The present journey."""
+        if self.phase is Phase.HOME:
+            return self.way_home
+        if self.phase is Phase.DIVERT:
+            return self.diversion
+        return self.explores.travel if self.explores else None
 
     @property
     def explores(self) -> Explore | None:

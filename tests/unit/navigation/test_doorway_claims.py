@@ -1,0 +1,75 @@
+"""One drone of a team at a time passes a doorway."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.core.messages import Pose
+from companion.navigation import travel as travelling
+from companion.navigation.doorway_claims import MAX_WAIT_S, claimed, waiting
+from companion.navigation.doorways import Doorway
+from companion.navigation.observation import DoorwayClaim, Observation
+from companion.navigation.travel_state import Travel
+from tests.grids import PLAN, open_ground
+
+DOORWAY = Doorway(0, (3.0, 0.0), (1.0, 0.0), 0.5)
+"""On the way to the north."""
+THERE = Travel((6.0, 0.0), doorways=(DOORWAY,))
+BACK = Travel((0.0, 0.0), doorways=(replace(DOORWAY, through_ne=(-1.0, 0.0)),))
+
+
+def at(north_m: float, *claims: DoorwayClaim, time_s: float = 0.0) -> Observation:
+    pose = Pose(time_s, north_m, 0.0, -1.2, 0.0)
+    return Observation(pose, {}, 0.08, doorway_claims=claims)
+
+
+def waits(travel: Travel, seen: Observation) -> bool:
+    return waiting(travel, seen).waits_at_ne_m is not None
+
+
+@given(st.floats(0.8, 1.95), st.floats(0.0, 2.9), st.booleans())
+def test_one_of_two_drones_waits_and_the_other_goes(
+    before_m: float, beyond_m: float, first_has_priority: bool
+) -> None:
+    first = DoorwayClaim((3.0, 0.0), before_m, first_has_priority)
+    second = DoorwayClaim((3.1, 0.1), beyond_m, not first_has_priority)
+    first_waits = waits(THERE, at(3.0 - before_m, second))
+    second_waits = waits(BACK, at(3.0 + beyond_m, first))
+    assert not (first_waits and second_waits)
+    if 0.8 < beyond_m < 1.95:
+        assert first_waits or second_waits
+
+
+def test_a_drone_waits_at_its_place_until_the_other_has_passed() -> None:
+    inside = DoorwayClaim((3.0, 0.0), 0.2, comes_first=False)
+    travel, _ = travelling.step(THERE, at(1.5, inside), open_ground(), PLAN)
+    assert travel.waits_at_ne_m == (1.5, 0.0)
+    _, setpoint = travelling.step(travel, at(1.7, inside, time_s=1.0), open_ground(), PLAN)
+    assert setpoint.forward_m_s < 0  # it has drifted towards the doorway
+    assert not waits(travel, at(1.5, time_s=2.0))
+
+
+def test_a_drone_does_not_wait_for_ever() -> None:
+    """The other may be stuck in the doorway."""
+    stuck = DoorwayClaim((3.0, 0.0), 0.2, comes_first=True)
+    travel = waiting(THERE, at(1.5, stuck))
+    assert waits(travel, at(1.5, stuck, time_s=MAX_WAIT_S - 1))
+    assert not waits(travel, at(1.5, stuck, time_s=MAX_WAIT_S + 1))
+
+
+@pytest.mark.parametrize("north_m", [0.5, 2.5, 3.5])
+def test_a_drone_waits_neither_far_away_nor_in_the_doorway(north_m: float) -> None:
+    assert not waits(THERE, at(north_m, DoorwayClaim((3.0, 0.0), 0.1, comes_first=True)))
+
+
+def test_another_doorway_is_free() -> None:
+    assert not waits(THERE, at(1.5, DoorwayClaim((3.0, 2.0), 0.1, comes_first=True)))
+
+
+def test_a_doorway_that_was_passed_is_not_claimed() -> None:
+    assert claimed(THERE, (2.0, 0.0)) == DOORWAY
+    assert claimed(THERE, (3.5, 0.0)) == DOORWAY
+    assert claimed(THERE, (4.0, 0.0)) is None
+    assert claimed(THERE, (-1.0, 0.0)) is None
