@@ -69,6 +69,10 @@ by as much, a folded reading becomes longer, and its apparent position moves by 
 LEGS_APART_M = 0.5
 """An isolated obstacle within this distance of a known leg is the same leg, m: it has drifted, or
 belongs to the same furniture. Chosen."""
+GOES_ON_M, GOES_ON_COS = (0.1, 0.2, 0.3), math.cos(math.radians(30))
+"""An isolated point is the end of a surface, not a leg, if measured points stand between the first
+two and between the last two of these distances from it, m, in the same direction within 30°.
+Chosen: the legs of a chair are 0.35 m apart; the noise of an exact detection is below 0.1 m."""
 _DETECTED_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
 _FROM_NE, _FREED = slice(9, 11), 11
 """Columns of the table; see `ObstaclePoints`."""
@@ -231,7 +235,8 @@ class ObstaclePoints:
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
-            if self._stands_alone(stays & self.is_measured, time_s):
+            alone = self._stands_alone(stays & self.is_measured, time_s)
+            if alone and not self._ends_surface(place_ne_m):
                 self._note_leg(place_ne_m, time_s)
             self._points[stays, _AGAIN_S] = time_s
             self._points[stays, _FREED:] = -math.inf
@@ -264,6 +269,16 @@ class ObstaclePoints:
         """Return True if one of the selected points (n,) is isolated."""
         beside_s = self._points[which][:, (_LEFT_S, _RIGHT_S)]
         return bool((beside_s > time_s - GLANCE_S).all(axis=1).any())
+
+    def _ends_surface(self, place_ne_m: Vector2) -> bool:
+        """Return True if a surface goes on from a place, so that no leg stands there."""
+        off_m = self.places[self.is_measured] - place_ne_m
+        away_m = np.hypot(*off_m.T)
+        from_m, middle_m, to_m = GOES_ON_M
+        near = off_m[(away_m >= from_m) & (away_m < middle_m)]
+        beyond = off_m[(away_m >= middle_m) & (away_m < to_m)]
+        lengths_m2 = np.outer(np.hypot(*near.T), np.hypot(*beyond.T))
+        return bool((near @ beyond.T > GOES_ON_COS * lengths_m2).any())
 
     def forget(self, ne_m: Vector2, now_s: float) -> None:
         """Delete the points that are far away or were not detected again for `KEPT_S`."""

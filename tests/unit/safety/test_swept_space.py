@@ -169,6 +169,23 @@ def test_only_a_thin_isolated_obstacle_is_a_leg(wide_m: float, is_leg: bool) -> 
     assert near.surroundings(0.3).is_among_legs is is_leg
 
 
+def test_the_end_of_a_partition_is_no_leg() -> None:
+    """Beams pass it on both sides. It was seen from the side before.
+
+    Flights in buildings without furniture were slow for half a minute after each such end.
+    """
+    near = ObstacleMemory(UNITS)
+    near.move_to((1.8, -1.35))
+    for tick, off_deg in enumerate(range(-30, 31)):  # its side, 0.05 m west of its middle
+        near.turn_to(math.pi / 2 + math.radians(off_deg))
+        away_m = 1.3 / math.cos(math.radians(off_deg)) - 0.08
+        side = RangeReading(RangeState.DISTANCE, away_m, 0.02**2)
+        near.see(RangeScan(tick / 45, {Beam.FRONT: side}))
+    near.move_to((0.0, 0.0))
+    swing_over_a_leg(near, 0.1, begin_s=2.0, swing_deg=30)
+    assert not near.surroundings(0.3).is_among_legs
+
+
 @pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
 def test_the_among_legs_state_is_permanent_after_four_legs(legs: int, stays: bool) -> None:
     """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
