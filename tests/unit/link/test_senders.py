@@ -12,7 +12,7 @@ from companion.link.transports.transport import Message
 from companion.pdps.flight.ground import CONNECT_TIMEOUT_S
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, Phase
-from tests.unit.pdps.flight_ticks import PLAN, view
+from tests.unit.pdps.flight.flight_ticks import PLAN, view
 
 ARDUPILOT, PX4, GENERIC, NONE = 3, 12, 0, 8
 QUADROTOR, ROVER, PLANE, GCS, ONBOARD = 2, 10, 1, 6, 18

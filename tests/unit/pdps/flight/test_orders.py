@@ -9,7 +9,7 @@ from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, Phase, TickInput
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
-from tests.unit.pdps.flight_ticks import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
+from tests.unit.pdps.flight.flight_ticks import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
 
 WAIT = Order()
 TAKE_OFF, SCAN, HOME, LAND = (

@@ -9,7 +9,7 @@ from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FLYING_PHASES, NOTHING, FlightAction, FlightState, Phase
 from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, exit_status
 from companion.safety import preflight
-from tests.unit.pdps.flight_ticks import FLYING, ON_GROUND, PLAN, asks, flying, view
+from tests.unit.pdps.flight.flight_ticks import FLYING, ON_GROUND, PLAN, asks, flying, view
 
 GUIDED = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True)
 LATE_S = 0.6

@@ -21,7 +21,7 @@ from companion.pdps.flight.state import FlightAction, FlightState, Phase
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.safety.obstacle_memory import Surroundings
-from tests.unit.pdps.flight_ticks import (
+from tests.unit.pdps.flight.flight_ticks import (
     CLEAR,
     FLYING,
     ON_GROUND,

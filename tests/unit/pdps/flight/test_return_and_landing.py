@@ -17,7 +17,7 @@ from companion.pdps.flight.state import Phase
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.pdps.viewpoints import Viewpoint
-from tests.unit.pdps.flight_ticks import FLYING, PLAN, SILENT, SPACE, after, flying, view
+from tests.unit.pdps.flight.flight_ticks import FLYING, PLAN, SILENT, SPACE, after, flying, view
 
 
 def test_the_drone_flies_home_from_a_closed_room_and_then_descends() -> None:
