@@ -46,6 +46,7 @@ from companion.pdps.flight.state import (
     TickInput,
 )
 from companion.safety.drift import Drift
+from companion.safety.fold_back import unfolded_up
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, walls_ahead_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
@@ -93,7 +94,8 @@ class App:
         self.team = OnBoardTeam.of(config, self._bearings_frd_rad, instance)
         self._spaces = [RedrawnGrid(earlier.spaces[0].copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
-        self.overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
+        self._up = models.get(Beam.UP)
+        self.overhead = Overhead(offset_m, self._up.min_m if self._up else 0.0)
         if earlier:
             self.overhead.know(earlier.overhead)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
@@ -187,7 +189,11 @@ class App:
             return inputs
         pose = self.estimator.pose(inputs.scan.time_s) if self.estimator else None
         walls_m = walls_ahead_m(self._earlier_walls, pose, self._units) if pose else {}
-        return replace(inputs, scan=self._obstacles.see(inputs.scan, walls_m))
+        scan = self._obstacles.see(inputs.scan, walls_m)
+        if self.estimator and self._up:
+            ceiling_m = self._ceiling.above_m(self.estimator.over_floor_m)
+            scan = unfolded_up(scan, self._up, ceiling_m)
+        return replace(inputs, scan=scan)
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:

@@ -179,7 +179,7 @@ def _return(
     if going.phase is TravelPhase.ARRIVED:
         if observation.team_layers is not None:
             return replace(layers, phase=LayersPhase.CHOOSE), setpoint
-        if fits_above(observation.clear_m(Beam.UP), plan):
+        if fits_above(_above_layer_m(layers.number, observation, plan), plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
         return replace(layers, phase=LayersPhase.OVERFLY), setpoint
@@ -250,13 +250,19 @@ def _is_left(
     return any(not look.is_extra for look in looks(ways, observation, plan, tried))
 
 
+def _above_layer_m(number: int, observation: Observation, plan: MissionConfig) -> float:
+    """Room above the drone if it were at the height of a layer, m. It may still be below."""
+    off_m = layer_height_m(number, plan) - observation.pose.height_m
+    return observation.clear_m(Beam.UP) - off_m
+
+
 def fits_above(above_m: float, plan: MissionConfig) -> bool:
-    """True if the room above the drone, m, is enough for the next layer."""
+    """True if the room above a drone in a layer, m, is enough for the next layer."""
     return _number_above(above_m, plan) > 0
 
 
 def _number_above(above_m: float, plan: MissionConfig) -> int:
-    """Number of layers that fit into the room above the drone, m; 1 if no ceiling is in range."""
+    """Number of layers that fit into the room above a layer, m; 1 if no ceiling is in range."""
     if math.isinf(above_m):
         return 1
     room_m = above_m - plan.clearance_m - OVER_HEAD_M
@@ -267,7 +273,7 @@ def _highest(
     choice: Choice | None, present: int, observation: Observation, plan: MissionConfig
 ) -> int:
     """The highest layer that fits above the start, over which the drone is in a layer."""
-    now = present + _number_above(observation.clear_m(Beam.UP), plan)
+    now = present + _number_above(_above_layer_m(present, observation, plan), plan)
     return min(max(choice.top if choice else 0, now), MAX_LAYERS - 1)
 
 

@@ -20,11 +20,19 @@ recent beam has swept the place. The distance is then a guess with an error of u
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from companion.core.frames import Vector2
-from companion.core.messages import Beam, RangeModel, RangeReading, RangeState, RangeUnit
+from companion.core.messages import (
+    Beam,
+    RangeModel,
+    RangeReading,
+    RangeScan,
+    RangeState,
+    RangeUnit,
+)
 
 ALIAS_M = 0.25
 """Maximum distance between the alias of a reading, or a guessed range, and a known point, m.
@@ -132,6 +140,22 @@ class FoldBackDetector:
     def _unit_ne(self, beam: Beam) -> Vector2:
         bearing_rad = self._yaw_rad + self._units[beam].bearing_frd_rad
         return math.cos(bearing_rad), math.sin(bearing_rad)
+
+
+def unfolded_up(scan: RangeScan, model: RangeModel, ceiling_m: float) -> RangeScan:
+    """Return the scan with the up beam TOO_NEAR if its reading has probably folded back.
+
+    `ceiling_m`: distance from the sensor to the ceiling, as measured from below, m; may be
+    infinite.
+    """
+    reading = scan.readings.get(Beam.UP)
+    if reading is None or not reading.is_distance:
+        return scan
+    alias_m = _alias_m(reading, model)
+    if not abs(ceiling_m - alias_m) <= min(ALIAS_M, abs(ceiling_m - reading.distance_m)):
+        return scan
+    near = RangeReading(RangeState.TOO_NEAR, alias_m)
+    return replace(scan, readings={**scan.readings, Beam.UP: near})
 
 
 def _alias_m(reading: RangeReading, model: RangeModel) -> float:

@@ -48,8 +48,9 @@ class Left:
             return "nothing that can be reached is left"
         left = []
         if self.places_ne_m:
+            places = "1 place" if len(self.places_ne_m) == 1 else f"{len(self.places_ne_m)} places"
             left.append(
-                f"{len(self.places_ne_m)} places to look from, {self.edge_m:.1f} m of edge to "
+                f"{places} to look from, {self.edge_m:.1f} m of edge to "
                 f"unseen space, at most {math.ceil(self.flight_s / 60)} min"
             )
         if self.is_higher_left:
@@ -89,7 +90,8 @@ def _fits_above(earlier: EarlierFlights, config: Config) -> bool:
     is_there &= np.abs(at_m - height_m) < NEAR_HEIGHT_M
     if not is_there.any():
         return True
-    return fits_above(float(np.median(above_m[is_there])) + mount_m, plan)
+    ceiling_m = float(np.median((at_m + above_m)[is_there]))
+    return fits_above(ceiling_m - height_m + mount_m, plan)
 
 
 def _spaces(earlier: EarlierFlights, plan: MissionConfig) -> list[Occupancy]:

@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from companion.core.messages import Beam, RangeReading, RangeState, Setpoint
+from companion.core.messages import Beam, RangeReading, RangeScan, RangeState, Setpoint
 from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
 from companion.safety.drift import Drift
+from companion.safety.fold_back import unfolded_up
 from companion.safety.velocity_guard import guarded
 from tests.unit.safety.near_obstacles import CLEARANCE_M, FORWARD, Drone, at, near
 
@@ -194,3 +197,18 @@ def test_the_drone_slows_down_at_a_sudden_too_near_reading() -> None:
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
     stopped = guarded(FORWARD, drone.near.surroundings(0.5), CLEARANCE_M)
     assert stopped.forward_m_s < 0.2
+
+
+@given(reads_m=st.floats(1.5, 4.0), error_m=st.floats(-0.1, 0.1), above_m=st.floats(1.2, 5.0))
+def test_a_folded_reading_of_the_known_ceiling_is_too_near(
+    reads_m: float, error_m: float, above_m: float
+) -> None:
+    """A drone near the ceiling read 1.7 m above it, and climbed."""
+    scan = RangeScan(0.0, {Beam.UP: at(reads_m)})
+    alias_m = GP2Y0A710K0F.alias_m(reads_m)
+    assert alias_m is not None
+    near_ceiling = unfolded_up(scan, GP2Y0A710K0F, alias_m + error_m).readings[Beam.UP]
+    assert near_ceiling.state is RangeState.TOO_NEAR
+    assert near_ceiling.distance_m == alias_m
+    assert unfolded_up(scan, GP2Y0A710K0F, above_m) is scan
+    assert unfolded_up(scan, GP2Y0A710K0F, math.inf) is scan  # the ceiling is not known

@@ -14,7 +14,7 @@ from sitl.world.format import Walls, World
 
 pytestmark = pytest.mark.flights
 
-BATTERY_S = 70.0
+BATTERY_S = 58.0
 """Enough for one layer."""
 WORLD = World(
     name="two layers",
@@ -57,3 +57,21 @@ def test_later_flights_go_on_in_the_layer_that_is_left() -> None:
     assert len(read_again.spaces) == 2
     assert read_again.viewpoints == last.viewpoints
     assert np.array_equal(read_again.overhead, last.overhead)
+
+
+def test_no_layer_is_flown_for_which_the_ceiling_is_too_low() -> None:
+    """A third layer would be 0.4 m below the ceiling.
+
+    At 0.3 m, the up beam reads 1.7 m. A drone climbed against the ceiling.
+    """
+    battery_s = 66.0
+    config = SETTINGS.model_copy(
+        update={"mission": SETTINGS.mission.model_copy(update={"time_limit_s": battery_s})}
+    )
+    setup = Setup(WORLD, "two layers", 3, config.sensors, "ardupilot", {}, RAY, battery_s=battery_s)
+    sorties = Sorties(setup, config, lambda _: None, tell=print)
+    flown = list(sorties.fly(4))
+    assert flown[-1].rows[-1]["completed"]
+    assert flown[-1].joint["collisions"] == 0
+    highest_m = max(-state.position_ned_m[2] for each in sorties.truths for state in each.path)
+    assert highest_m < 2.0
