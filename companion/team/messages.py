@@ -24,7 +24,7 @@ from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.mapping.redrawn_grid import RAY_COLUMNS
 
-VERSION = 2
+VERSION = 3
 """Version of the messages; a drone drops those of another version."""
 MAX_PACKET_BYTES = 8000
 """A longer packet is dropped. Chosen: the longest message, 400 walls, has 6400 and a header."""
