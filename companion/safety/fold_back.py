@@ -86,11 +86,11 @@ class FoldBackDetector:
         """
         model = self._units[beam].model
         alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
-        off_m, alias_off_m = abs(known_m - reading.distance_m), abs(known_m - alias_m)
+        off_m = abs(known_m - reading.distance_m)
         approaches = beam in self._over_peak and abs(alias_m - was_m) < MAX_STEP_M
-        is_on_wall = abs(wall_m - alias_m) <= min(ALIAS_M, abs(wall_m - reading.distance_m))
+        is_on_wall = _is_at(wall_m, reading, alias_m)
         has_folded = (
-            alias_off_m <= min(ALIAS_M, off_m)
+            _is_at(known_m, reading, alias_m)
             or (approaches and off_m > KNOWN_M and not self._is_free(beam, alias_m))
             or (is_on_wall and self._freed_by(beam, alias_m) < WALL_GONE_BEAMS)
         )
@@ -152,10 +152,15 @@ def unfolded_up(scan: RangeScan, model: RangeModel, ceiling_m: float) -> RangeSc
     if reading is None or not reading.is_distance:
         return scan
     alias_m = _alias_m(reading, model)
-    if not abs(ceiling_m - alias_m) <= min(ALIAS_M, abs(ceiling_m - reading.distance_m)):
+    if not _is_at(ceiling_m, reading, alias_m):
         return scan
     near = RangeReading(RangeState.TOO_NEAR, alias_m)
     return replace(scan, readings={**scan.readings, Beam.UP: near})
+
+
+def _is_at(surface_m: float, reading: RangeReading, alias_m: float) -> bool:
+    """Return True if the alias of a reading, rather than the reading, lies on a surface."""
+    return abs(surface_m - alias_m) <= min(ALIAS_M, abs(surface_m - reading.distance_m))
 
 
 def _alias_m(reading: RangeReading, model: RangeModel) -> float:

@@ -166,11 +166,13 @@ class FlightState:
 
     @property
     def travel(self) -> Travel | None:
-        """The present journey."""
+        """The present journey, if the drone is on one."""
         if self.phase is Phase.HOME:
             return self.way_home
         if self.phase is Phase.DIVERT:
             return self.diversion
+        if self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.RETURN:
+            return self.layers.travel
         return self.explores.travel if self.explores else None
 
     @property

@@ -12,6 +12,8 @@ from companion.navigation.doorway_claims import MAX_WAIT_S, claimed, waiting
 from companion.navigation.doorways import Doorway
 from companion.navigation.observation import DoorwayClaim, Observation
 from companion.navigation.travel_state import Travel
+from companion.pdps.flight.state import FlightState, Phase
+from companion.pdps.layers import Layers, LayersPhase
 from tests.grids import PLAN, open_ground
 
 DOORWAY = Doorway(0, (3.0, 0.0), (1.0, 0.0), 0.5)
@@ -73,3 +75,13 @@ def test_a_doorway_that_was_passed_is_not_claimed() -> None:
     assert claimed(THERE, (3.5, 0.0)) == DOORWAY
     assert claimed(THERE, (4.0, 0.0)) is None
     assert claimed(THERE, (-1.0, 0.0)) is None
+
+
+def test_a_drone_that_waits_on_its_way_back_from_a_layer_lets_the_other_pass() -> None:
+    """Others see that it waits, and have the right of way."""
+    at_doorway = replace(BACK, waits_at_ne_m=(4.5, 0.0))
+    layers = Layers(LayersPhase.RETURN, travel=at_doorway)
+    flight = FlightState(Phase.LAYERS, layers=layers)
+    assert flight.travel is at_doorway
+    assert flight.waits
+    assert not replace(flight, layers=Layers(LayersPhase.RETURN, travel=BACK)).waits

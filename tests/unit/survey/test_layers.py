@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from companion.config import settings
+from companion.config.settings import Config
 from companion.earlier import EarlierFlights
 from companion.survey.left import left_to_fly
 from sitl.running.sorties import PAD, Sorties
@@ -26,23 +27,29 @@ WORLD = World(
     starts=({"name": "pad", "position": (1.4, 2.4), "heading_deg": 20},),
 )
 """A room with a partition that ends below the second layer."""
-SETTINGS = settings.load(
-    None, {"mission.kind": "layers", "mission.time_limit_s": BATTERY_S, "mission.clearance_m": 0.2}
-)
+
+
+def settings_of(battery_s: float) -> Config:
+    limits = {"mission.time_limit_s": battery_s, "mission.clearance_m": 0.2}
+    return settings.load(None, {"mission.kind": "layers", **limits})
+
+
+def sorties_of(battery_s: float) -> Sorties:
+    config = settings_of(battery_s)
+    setup = Setup(WORLD, "two layers", 3, config.sensors, beam=RAY, battery_s=battery_s)
+    return Sorties(setup, config, lambda _: None, tell=print)
 
 
 def test_later_flights_go_on_in_the_layer_that_is_left() -> None:
     """The partition stays in the map, although the higher layer sees over it."""
-    setup = Setup(
-        WORLD, "two layers", 3, SETTINGS.sensors, "ardupilot", {}, RAY, battery_s=BATTERY_S
-    )
-    flown = list(Sorties(setup, SETTINGS, lambda _: None, tell=print).fly(4))
+    config = settings_of(BATTERY_S)
+    flown = list(sorties_of(BATTERY_S).fly(4))
     rows = [row for each in flown for row in each.rows]
     assert not rows[0]["completed"]
     assert rows[-1]["completed"], [row["ending"] for row in rows]
     first, last = (each.merged.for_next_flight(PAD.sigma) for each in (flown[0], flown[-1]))
-    assert left_to_fly(first, SETTINGS).in_words() == "left: the layers above"
-    assert left_to_fly(last, SETTINGS).is_nothing
+    assert left_to_fly(first, config).in_words() == "left: the layers above"
+    assert left_to_fly(last, config).is_nothing
     joint = ReportView(flown[-1].joint)
     assert joint.collisions == 0
     assert joint.coverage > 0.95
@@ -64,12 +71,7 @@ def test_no_layer_is_flown_for_which_the_ceiling_is_too_low() -> None:
 
     At 0.3 m, the up beam reads 1.7 m. A drone climbed against the ceiling.
     """
-    battery_s = 66.0
-    config = SETTINGS.model_copy(
-        update={"mission": SETTINGS.mission.model_copy(update={"time_limit_s": battery_s})}
-    )
-    setup = Setup(WORLD, "two layers", 3, config.sensors, "ardupilot", {}, RAY, battery_s=battery_s)
-    sorties = Sorties(setup, config, lambda _: None, tell=print)
+    sorties = sorties_of(66.0)
     flown = list(sorties.fly(4))
     assert flown[-1].rows[-1]["completed"]
     assert flown[-1].joint["collisions"] == 0
