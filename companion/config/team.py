@@ -39,9 +39,12 @@ class TeamConfig(Group):
         (), max_length=MAX_DRONES
     )
     """`HOST:PORT` at which each drone listens. Default: this machine, from port 7447 on."""
+    interface: str = Field("", pattern=r"^[A-Za-z0-9._-]{0,15}$")
+    """Network interface on which the drones find each other by multicast, e.g. wlan0; instead of
+    `addresses`."""
     key_file: Path | None = None
-    """File with the team's key, mode 600, the same on all drones. Required unless all addresses are
-    on this machine."""
+    """File with the team's key, mode 600, the same on all drones. Required unless all addresses, or
+    the interface, are on this machine."""
     pad_sigma_m: float = Field(0.1, gt=0, le=1)
     """Standard deviation of a start from its pad, on each axis, m."""
     pad_sigma_deg: float = Field(3.0, gt=0, le=20)
@@ -53,6 +56,11 @@ class TeamConfig(Group):
             raise ValueError(
                 f"drone {self.drone} has no start: team.pads has {len(self.pads)} entries; "
                 "give one for each drone"
+            )
+        if self.addresses and self.interface:
+            raise ValueError(
+                f"team.interface is {self.interface!r}, and team.addresses is given, too; "
+                "remove one of them"
             )
         if self.addresses and len(self.addresses) != len(self.pads):
             raise ValueError(

@@ -27,12 +27,15 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def needs_token(key: str, value: str, token_key: str) -> str:
-    """Error text for an address that other machines can reach without a token."""
+def needs_token(key: str, value: str, token_key: str, private: str = "127.0.0.1") -> str:
+    """Error text for an address that other machines can reach without a token.
+
+    `private` is a value that they cannot reach.
+    """
     made = MAKE_ONE.format(file="token")
     return (
         f"{key} {value}: others can reach this address, so it needs {token_key}, "
-        f"a file with a token: {made}; or use 127.0.0.1"
+        f"a file with a token: {made}; or use {private}"
     )
 
 

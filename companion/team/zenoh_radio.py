@@ -1,7 +1,8 @@
 """Radio between drones over IP networks: Eclipse Zenoh, peer to peer, without a broker.
 
 Each drone publishes at `pdps/TEAM/DRONE`, and receives what all others publish. A packet that
-cannot be sent at once is dropped: the next one is newer. With a key each packet ends with 16 bytes
+cannot be sent at once is dropped: the next one is newer. The drones know each other's addresses, or
+find each other on one network interface by multicast. With a key each packet ends with 16 bytes
 of its HMAC-SHA256, and packets without a valid one are dropped.
 """
 
@@ -21,6 +22,8 @@ from companion.team.radio import NoRadio, TeamRadio
 
 FIRST_PORT = 7447
 """Port of the first drone on this machine: the default of Zenoh."""
+LOOPBACK = "lo"
+"""Interface that no other machine can reach."""
 MAC_BYTES = 16
 """Length of the message authentication code, bytes. Chosen."""
 MAX_WAITING = 4000
@@ -33,7 +36,8 @@ def open_team_radio(config: TeamConfig) -> Iterator[TeamRadio]:
     """The radio of a drone; one that sends nothing if it flies alone.
 
     Raises:
-        TeamError: an address is reachable from other machines and there is no key, or is in use.
+        TeamError: other machines can reach an address or interface, and there is no key; an address
+            is in use; there is no such interface.
         SecretError: the key cannot be used.
         MissingExtraError: Zenoh is not installed.
     """
@@ -50,19 +54,16 @@ class ZenohRadio:
     def __init__(self, config: TeamConfig) -> None:
         import zenoh  # noqa: PLC0415 - an extra
 
-        addresses = config.addresses or tuple(
-            f"127.0.0.1:{FIRST_PORT + number}" for number in range(len(config.pads))
-        )
-        self._key = _read_key(config, addresses)
+        self._key = _read_key(config)
         self._waiting: deque[bytes] = deque(maxlen=MAX_WAITING)
-        own = addresses[config.drone - 1]
         settings = zenoh.Config()
-        for key, value in _settings(own, [each for each in addresses if each != own]).items():
+        for key, value in _settings(config).items():
             settings.insert_json5(key, json.dumps(value))
         try:
             self._session = zenoh.open(settings)
         except zenoh.ZError as error:
-            raise TeamError(f"team.addresses: {own}: {error}; choose another address") from error
+            key, value = _place(config)
+            raise TeamError(f"team.{key}: {value}: {error}; choose another one") from error
         prefix = f"pdps/{config.name}"
         self._subscriber = self._session.declare_subscriber(
             f"{prefix}/*", self._listener(), allowed_origin=zenoh.Locality.REMOTE
@@ -109,25 +110,49 @@ class ZenohRadio:
         return packet if hmac.compare_digest(mac, self._mac(packet)) else None
 
 
-def _read_key(config: TeamConfig, addresses: Sequence[str]) -> bytes:
+def _addresses(config: TeamConfig) -> tuple[str, ...]:
+    """Address of each drone, `HOST:PORT`; on this machine by default."""
+    on_this_machine = (f"127.0.0.1:{FIRST_PORT + number}" for number in range(len(config.pads)))
+    return config.addresses or tuple(on_this_machine)
+
+
+def _place(config: TeamConfig) -> tuple[str, str]:
+    """Key and value of the configuration that say where this drone listens."""
+    if config.interface:
+        return "interface", config.interface
+    return "addresses", _addresses(config)[config.drone - 1]
+
+
+def _read_key(config: TeamConfig) -> bytes:
     """The key; empty if no other machine can reach the team."""
     if config.key_file is not None:
         return read_token(config.key_file, "team.key_file =").encode()
-    for address in addresses:
-        if not is_loopback(address.rpartition(":")[0]):
-            raise TeamError(needs_token("team.addresses =", repr(address), "team.key_file"))
+    key, own = _place(config)
+    for place in [own] if config.interface else _addresses(config):
+        if place != LOOPBACK and not is_loopback(place.rpartition(":")[0]):
+            private = LOOPBACK if config.interface else "127.0.0.1"
+            raise TeamError(needs_token(f"team.{key} =", repr(place), "team.key_file", private))
     return b""
 
 
-def _settings(own: str, others: Sequence[str]) -> dict[str, object]:
-    """Zenoh's configuration: only the given addresses, no discovery, and nothing else served."""
-    return {
+def _settings(config: TeamConfig) -> dict[str, object]:
+    """Zenoh's configuration: peers of the team alone, and nothing else served."""
+    settings: dict[str, object] = {
         "mode": "peer",
-        "listen/endpoints": [f"tcp/{own}"],
-        "connect/endpoints": [f"tcp/{each}" for each in others],
         "connect/exit_on_failure": False,
         "connect/timeout_ms": -1,
-        "scouting/multicast/enabled": False,
+        "scouting/multicast/enabled": bool(config.interface),
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
+    }
+    if config.interface:
+        return settings | {
+            "listen/endpoints": [f"tcp/0.0.0.0:0#iface={config.interface}"],
+            "scouting/multicast/interface": config.interface,
+        }
+    addresses = _addresses(config)
+    own = addresses[config.drone - 1]
+    return settings | {
+        "listen/endpoints": [f"tcp/{own}"],
+        "connect/endpoints": [f"tcp/{each}" for each in addresses if each != own],
     }

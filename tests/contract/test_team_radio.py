@@ -1,9 +1,10 @@
-"""Contract of the radios of a team: the simulated one, and Zenoh with and without a key."""
+"""Contract of the radios of a team: the simulated one, and Zenoh by addresses and by discovery."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -24,14 +25,17 @@ def simulated(folder: Path) -> Iterator[list[TeamRadio]]:
     yield list(TeamAir(1, DRONES, lambda: 0.0, NO_LINK_ERRORS).radios)
 
 
-def configs(key_file: Path | None = None) -> list[TeamConfig]:
-    addresses = tuple(f"127.0.0.1:{free_tcp_port()}" for _ in range(DRONES))
+def configs(key_file: Path | None = None, *, interface: str = "") -> list[TeamConfig]:
+    """A team of its own: others on this machine may use the same interface."""
+    name = uuid4().hex
+    addresses = () if interface else tuple(f"127.0.0.1:{free_tcp_port()}" for _ in range(DRONES))
     return [
         TeamConfig(
-            name="test",
+            name=name,
             drone=drone,
             pads=(PadConfig(),) * DRONES,
             addresses=addresses,
+            interface=interface,
             key_file=key_file,
         )
         for drone in range(1, DRONES + 1)
@@ -39,9 +43,21 @@ def configs(key_file: Path | None = None) -> list[TeamConfig]:
 
 
 @contextmanager
-def zenoh(folder: Path, key_file: Path | None = None) -> Iterator[list[TeamRadio]]:
+def opened(team: list[TeamConfig]) -> Iterator[list[TeamRadio]]:
     with ExitStack() as stack:
-        yield [stack.enter_context(open_team_radio(config)) for config in configs(key_file)]
+        yield [stack.enter_context(open_team_radio(config)) for config in team]
+
+
+@contextmanager
+def zenoh(folder: Path) -> Iterator[list[TeamRadio]]:
+    with opened(configs()) as radios:
+        yield radios
+
+
+@contextmanager
+def discovered(folder: Path) -> Iterator[list[TeamRadio]]:
+    with opened(configs(interface="lo")) as radios:
+        yield radios
 
 
 def key(folder: Path, letter: str) -> Path:
@@ -53,14 +69,17 @@ def key(folder: Path, letter: str) -> Path:
 
 @contextmanager
 def keyed(folder: Path) -> Iterator[list[TeamRadio]]:
-    with zenoh(folder, key(folder, "a")) as radios:
+    with opened(configs(key(folder, "a"))) as radios:
         yield radios
 
 
-@pytest.fixture(params=[simulated, zenoh, keyed], ids=["simulated", "zenoh", "zenoh with a key"])
+@pytest.fixture(
+    params=[simulated, zenoh, keyed, discovered],
+    ids=["simulated", "zenoh", "zenoh with a key", "zenoh by discovery"],
+)
 def radios(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[TeamRadio]]:
-    with request.param(tmp_path) as opened:
-        yield opened
+    with request.param(tmp_path) as of_a_team:
+        yield of_a_team
 
 
 def hears(radio: TeamRadio, senders: list[TeamRadio], packet: bytes) -> None:
@@ -136,6 +155,21 @@ def test_an_address_that_others_reach_needs_a_key(tmp_path: Path) -> None:
         pytest.raises(SecretError, match=r"team.key_file = .*others can read it"),
         open_team_radio(config.model_copy(update={"key_file": open_to_all})),
     ):
+        pass
+
+
+def test_an_interface_that_others_reach_needs_a_key() -> None:
+    config = TeamConfig(name="test", interface="wlan0")
+    with (
+        pytest.raises(TeamError, match=r"team.interface = 'wlan0'.*team.key_file.*or use lo"),
+        open_team_radio(config),
+    ):
+        pass
+
+
+def test_a_missing_interface_is_named(tmp_path: Path) -> None:
+    config = TeamConfig(name="test", interface="none0", key_file=key(tmp_path, "a"))
+    with pytest.raises(TeamError, match=r"team.interface: none0: "), open_team_radio(config):
         pass
 
 

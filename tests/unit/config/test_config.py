@@ -142,3 +142,20 @@ def test_a_bearing_far_from_its_beams_direction_is_refused_with_the_key() -> Non
     values = {"sensors": {"ranges": {"left": {"kind": "vl53l1x", "bearing_deg": -45}}}}
     with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be within 20 of -90"):
         App(Config.model_validate(values))
+
+
+@pytest.mark.parametrize(
+    ("team", "words"),
+    [
+        ("drone = 2", "drone 2 has no start"),
+        ("addresses = ['127.0.0.1:1', '127.0.0.1:2']", "addresses has 2 entries, and team.pads 1"),
+        ("addresses = ['127.0.0.1:1']\ninterface = 'lo'", "remove one of them"),
+    ],
+)
+def test_a_team_that_does_not_fit_together_is_refused(
+    team: str, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text(f"[team]\nname = 'house'\n{team}\n")
+    with pytest.raises(ConfigError, match=words):
+        load(path)
