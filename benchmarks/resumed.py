@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from companion.export.map_files import save_as
-from sitl.bench.parallel import with_a_bar
+from sitl.bench.engine import with_a_bar
 
 J = TypeVar("J")
 F = TypeVar("F")

@@ -25,7 +25,7 @@ from benchmarks.resumed import run_remaining
 from companion.app import App
 from companion.config import settings
 from companion.core.frames import moved
-from sitl.bench.parallel import attempted
+from sitl.bench.engine import attempted
 from sitl.core.errors import SitlError
 from sitl.core.radio import LinkErrors
 from sitl.scoring.team_report import scored

@@ -15,7 +15,7 @@ from typing import Any
 from companion.config import settings
 from companion.core.frames import Vector2, frd_to_ned
 from companion.survey.merge import Merged
-from sitl.bench.parallel import attempted, with_a_bar
+from sitl.bench.engine import attempted, with_a_bar
 from sitl.running.sorties import Sorties
 from sitl.sensors.beam import RAY
 from sitl.simulation.simulation import Setup

@@ -26,7 +26,7 @@ from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.core.messages import FloorPlan
 from companion.survey.flights import Flown
 from companion.survey.merge import MergedFlight, Starts, merge
-from sitl.bench.parallel import attempted
+from sitl.bench.engine import attempted
 from sitl.bench.sets import jobs_for
 from sitl.core.noise import stream
 from sitl.running.sorties import PAD

@@ -15,7 +15,7 @@ from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.ticks import Inputs, Outputs
-from sitl.bench.parallel import with_a_bar
+from sitl.bench.engine import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
 from sitl.scoring.report import Report, make_report
 from sitl.simulation.lockstep import fly_in_lockstep

@@ -210,7 +210,7 @@ def surveys(
 ) -> None:
     """Fly surveys on all cores: several flights from one pad, with one joint map."""
     from companion.export.map_files import save_as  # noqa: PLC0415 - slow to load
-    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
+    from sitl.bench.engine import with_a_bar  # noqa: PLC0415
     from sitl.bench.sets import from_first_starts, jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.surveys import SurveyJob, failed, fly, lost, sum_up, survey_table  # noqa: PLC0415
@@ -272,7 +272,7 @@ def teams(
 ) -> None:
     """Fly teams on all cores, and compare each with one drone in the same world."""
     from companion.export.map_files import save_as  # noqa: PLC0415 - slow to load
-    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
+    from sitl.bench.engine import with_a_bar  # noqa: PLC0415
     from sitl.bench.sets import from_first_starts, jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.teams import TeamJob, fly, lost, sum_up, team_table  # noqa: PLC0415
@@ -313,8 +313,8 @@ def faults(
 
     Ctrl-C ends the campaign early and prints the results so far. Exit status 1 after any failure.
     """
+    from sitl.bench.engine import with_a_bar  # noqa: PLC0415
     from sitl.bench.faults import FaultJob, fly, lost, sum_up  # noqa: PLC0415
-    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
     from sitl.bench.tables.faults import fault_table, progress_text  # noqa: PLC0415 - slow to load
 
     jobs = [FaultJob(seed, number) for number in range(first, first + flights)]

@@ -15,8 +15,8 @@ from companion.core.errors import OutputError
 from companion.export.map_files import AutoSave, load_json, save_as, save_json
 from companion.pdps.flight.state import FINAL_PHASES, Phase
 from companion.ticks import Progress
+from sitl.bench.engine import attempted
 from sitl.bench.fault_cases import Case, draw_case
-from sitl.bench.parallel import attempted
 from sitl.scoring.report import Report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, Simulation

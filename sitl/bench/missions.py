@@ -11,7 +11,7 @@ from companion.core.messages import FloorPlan
 from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
 from companion.ticks import Progress
-from sitl.bench.parallel import attempted, with_a_bar
+from sitl.bench.engine import attempted, with_a_bar
 from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report

@@ -9,8 +9,8 @@ from typing import Any
 from rich.table import Table
 
 from sitl.bench import missions
+from sitl.bench.engine import attempted
 from sitl.bench.missions import Flown, Job, Sketch, in_world
-from sitl.bench.parallel import attempted
 from sitl.bench.tables.worlds import world_table
 from sitl.running.options import MAX_BATTERY_S
 from sitl.running.sorties import Sorties

@@ -19,8 +19,8 @@ from companion.pdps.layers import layer_height_m
 from companion.pdps.room_scan_state import ScanPhase
 from companion.ticks import Progress
 from sitl.bench import missions
+from sitl.bench.engine import attempted
 from sitl.bench.missions import Flown, Job, Sketch, in_world
-from sitl.bench.parallel import attempted
 from sitl.bench.tables.worlds import world_table
 from sitl.scoring.coverage_time import first_seen_s, time_to_see_s
 from sitl.scoring.report import Report, make_report

@@ -1,7 +1,6 @@
 """Tests of many missions: selection, processes, and results."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from companion.core.errors import ConfigError
-from sitl.bench import parallel
+from sitl.bench import engine
 from sitl.bench.missions import Flown, Job, Sketch, Watch, fly, lost
 from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
@@ -131,26 +130,6 @@ def test_an_error_becomes_a_row_with_its_reason() -> None:
     assert "\n" not in str(flown.row["ending"])
 
 
-def fly_or_exit(job: Job) -> Flown:
-    """Replaces a flight; the process exits at seed 2."""
-    if job.options.seed == 2:
-        os._exit(1)
-    return Flown(row(seed=job.options.seed))
-
-
-@pytest.mark.processes
-def test_a_process_that_exits_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "cores", lambda: 1)
-    results: list[Flown] = []
-    flights = parallel.fly_all(
-        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_exit, lost
-    )
-    assert [flown.row["seed"] for flown in flights] == [2, 3]
-    assert [flown.row["lost"] for flown in flights] == [True, False]
-    assert flights[0].row["ending"] == "lost: its process died"
-    assert len(results) == 2
-
-
 def test_the_summary_counts_flights_and_ignores_missing_values() -> None:
     rows = [
         row(coverage=0.5, trace_over_least=1.2),
@@ -221,7 +200,7 @@ def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
 def test_the_command_prints_and_saves_the_results_and_saves_the_sheet(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parallel, "fly_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
+    monkeypatch.setattr(engine, "run_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
     (plans / "a_room.json").unlink()
     out = tmp_path / "out"
     done = CliRunner().invoke(
@@ -246,7 +225,7 @@ def test_an_interrupted_campaign_keeps_its_finished_flights(
         on_result(lost(jobs[0], "blown away"))
         raise MemoryError
 
-    monkeypatch.setattr(parallel, "fly_all", crash)
+    monkeypatch.setattr(engine, "run_all", crash)
     done = CliRunner().invoke(
         commands, ["bench", "missions", f"--worlds={plans}", f"--out={tmp_path}"]
     )
