@@ -1,24 +1,27 @@
 """Flies, scores and sketches missions, also those that fail."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from companion.app import App
+from companion.config.settings import Config
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
 from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
 from companion.ticks import Progress
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.bench.engine import attempted, with_a_bar
 from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report
+from sitl.sensors.beam import BeamPhysics
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
-from sitl.simulation.simulation import Simulation
-from sitl.testing.mission_file import load_mission
+from sitl.simulation.simulation import Setup, Simulation
+from sitl.testing.mission_file import MissionFile, load_mission
 from sitl.testing.script import Play
 from sitl.world.format import Segment
 from sitl.world.plan import wall_surfaces
@@ -32,11 +35,45 @@ WALLS_OF_A_ROOM = 4
 
 
 @dataclass(frozen=True, slots=True)
+class Physics:
+    """What a campaign varies in the simulator, beside the options of a flight."""
+
+    beam: BeamPhysics | None = None
+    """None: as in the options."""
+    odometry_noise: OdometryNoise = REFERENCE_NOISE
+    range_gain_sigma: float | None = None
+    """None: from the sensor's physics."""
+
+    def of(self, setup: Setup) -> Setup:
+        """The setup with these physics."""
+        return replace(
+            setup,
+            beam=self.beam or setup.beam,
+            odometry_noise=self.odometry_noise,
+            range_gain_sigma=self.range_gain_sigma,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """A flight to fly; `mission` is a kind or a mission file."""
 
     options: FlightOptions
     mission: str = "room"
+    settings: Mapping[str, object] = field(default_factory=dict)
+    """Overrides of the companion's configuration, after those of the mission."""
+    physics: Physics = Physics()
+
+    def prepared(self) -> tuple[Setup, Config, MissionFile]:
+        """The simulator's setup, the companion's configuration, and the mission.
+
+        Raises:
+            SitlError, CompanionError: an option, a setting or a file is invalid.
+        """
+        mission = load_mission(self.mission)
+        setup, _ = self.options.setup()
+        settings = self.options.settings({**mission.settings, **self.settings})
+        return self.physics.of(replace(setup, sensors=settings.sensors)), settings, mission
 
     @property
     def key(self) -> Report:
@@ -59,6 +96,8 @@ class Sketch:
     mapped: Sequence[Segment] = ()
     paths: Sequence[Sequence[Vector2]] = ()
     """The true path of each flight."""
+    hits: Sequence[Vector2] = ()
+    """Places of collisions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,10 +143,8 @@ def lost(job: Job, why: str) -> Flown:
 
 def _fly(job: Job) -> Flown:
     began_s = time.monotonic()
-    setup, _ = job.options.setup()
-    mission = load_mission(job.mission)
-    settings, script = job.options.settings(mission.settings), Play(mission.events)
-    watched = Watch()
+    setup, settings, mission = job.prepared()
+    script, watched = Play(mission.events), Watch()
 
     def happens(simulation: Simulation, app: App) -> None:
         script(simulation, app)
@@ -178,7 +215,13 @@ def _sketch(truth: Sequence[Segment], plan: FloorPlan, record: TruthRecord) -> S
         (in_world(record.take_off, wall.start_ne_m), in_world(record.take_off, wall.end_ne_m))
         for wall in plan.walls
     ]
-    return Sketch(truth, mapped, [[state.position_ned_m[:2] for state in record.path]])
+    path = [state.position_ned_m[:2] for state in record.path]
+    return Sketch(truth, mapped, [path], places_of_hits([record]))
+
+
+def places_of_hits(records: Sequence[TruthRecord]) -> list[Vector2]:
+    """Where the vehicles collided, in the world's frame, (north, east) in m."""
+    return [place[:2] for record in records for place in record.hits_ned_m]
 
 
 def in_world(take_off: TrueState, point_ne_m: Vector2) -> Vector2:

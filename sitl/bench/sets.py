@@ -71,7 +71,7 @@ def jobs_for(
     return [
         Job(
             options(world, start, profile, seed, clutter),
-            mission or _suiting(world, clutter),
+            mission or suiting(world, clutter),
         )
         for profile in profiles
         for name in worlds
@@ -81,8 +81,11 @@ def jobs_for(
     ]
 
 
-def _suiting(world: str, clutter: float) -> str:
-    """A furnished room is explored as a building: tracing would take furniture for the wall."""
+def suiting(world: str, clutter: float) -> str:
+    """The mission for a world, with clutter from 0 to 1.
+
+    A furnished room is explored as a building: tracing would take furniture for the wall.
+    """
     mission = MISSIONS.get(world, "building")
     return "building" if clutter and mission == "room" else mission
 

@@ -15,7 +15,6 @@ from sitl.bench.tables.worlds import world_table
 from sitl.running.options import MAX_BATTERY_S
 from sitl.running.sorties import Sorties
 from sitl.scoring.report import Report
-from sitl.testing.mission_file import load_mission
 from sitl.world.plan import wall_surfaces
 
 HOME_M = 0.3
@@ -74,8 +73,7 @@ def lost(job: SurveyJob, why: str) -> SurveyFlown:
 
 
 def _fly(job: SurveyJob) -> SurveyFlown:
-    setup, _ = job.first.options.setup()
-    settings = job.first.options.settings(load_mission(job.first.mission).settings)
+    setup, settings, _ = job.first.prepared()
     told: list[str] = []
     began_s = time.monotonic()
     sorties = Sorties(setup, settings, missions.ignore, tell=told.append, drones=job.drones)
@@ -103,7 +101,7 @@ def _fly(job: SurveyJob) -> SurveyFlown:
     truth = wall_surfaces(setup.world, settings.mission.height_m)
     left_out = tuple(f"{each.name}: {each.reason}" for each in last.merged.left_out)
     changes = tuple(asdict(change) for change in last.merged.changes)
-    sketch = Sketch(truth, walls, paths)
+    sketch = Sketch(truth, walls, paths, missions.places_of_hits(sorties.truths))
     return SurveyFlown(Flown(row, sketch), rows, (*told, *left_out), changes)
 
 

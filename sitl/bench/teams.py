@@ -29,7 +29,6 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, start_state
 from sitl.simulation.team import fly_team_in_lockstep
 from sitl.simulation.team_pads import team_setups
-from sitl.testing.mission_file import load_mission
 from sitl.world.plan import observable_points, wall_surfaces
 
 SAME_SHARE = 0.98
@@ -98,8 +97,7 @@ def lost(job: TeamJob, why: str) -> TeamFlown:
 
 def _fly(job: TeamJob) -> TeamFlown:
     began_s = time.monotonic()
-    setup, _ = job.single.options.setup()
-    settings = job.single.options.settings(load_mission(job.single.mission).settings)
+    setup, settings, _ = job.single.prepared()
     setups, configs = team_setups(setup, settings, job.drones)
     trace = _Trace()
     flight = fly_team_in_lockstep(setups, configs, trace.watch)
@@ -130,7 +128,8 @@ def _fly(job: TeamJob) -> TeamFlown:
     ]
     paths = [[state.position_ned_m[:2] for state in truth.path] for truth in truths]
     truth = wall_surfaces(setup.world, settings.mission.height_m)
-    return TeamFlown(Flown(row, Sketch(truth, walls, paths)), tuple(team.rows))
+    sketch = Sketch(truth, walls, paths, missions.places_of_hits(truths))
+    return TeamFlown(Flown(row, sketch), tuple(team.rows))
 
 
 def _heights_m(single: App, mission: MissionConfig) -> list[float]:

@@ -19,6 +19,7 @@ from companion.core.errors import CompanionError
 from companion.core.extras import needs_extra
 from companion.export.map_files import each_by_itself, save
 from sitl.bench.cli import commands as bench_commands
+from sitl.campaign.cli import commands as campaign_commands
 from sitl.commands.score import score
 from sitl.core.errors import SitlError
 from sitl.external.held_speed import HeldSpeed
@@ -73,6 +74,7 @@ commands = typer.Typer(
 )
 commands.add_typer(world_commands, name="world")
 commands.add_typer(bench_commands, name="bench")
+commands.add_typer(campaign_commands, name="campaign")
 commands.command()(view)
 commands.command()(score)
 

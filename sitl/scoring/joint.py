@@ -25,7 +25,7 @@ def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
     """
     joint = TruthRecord(truths[0].take_off)
     joint.clearance_m = min(truth.clearance_m for truth in truths)
-    joint.collisions = sum(truth.collisions for truth in truths)
+    joint.hits_ned_m = [place for truth in truths for place in truth.hits_ned_m]
     joint.air_time_s = sum(truth.air_time_s for truth in truths)
     begins_s = [flight.later_s for flight in merged.flights]
     joint.path = [

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from companion.core.frames import Vector3
 from companion.core.textfile import read_text
 from companion.export.map_files import save_as
 from sitl.core.truth import TrueState
@@ -22,7 +23,8 @@ class TruthRecord:
     def __init__(self, take_off: TrueState) -> None:
         self.path: list[TrueState] = [take_off]
         self.clearance_m = math.inf
-        self.collisions = 0
+        self.hits_ned_m: list[Vector3] = []
+        """Place of each collision, in the world's frame."""
         self.air_time_s = 0.0
         self.apart_m: float | None = None
         """Smallest distance to the centre of another vehicle while both are in the air, m."""
@@ -32,6 +34,10 @@ class TruthRecord:
     @property
     def take_off(self) -> TrueState:
         return self.path[0]
+
+    @property
+    def collisions(self) -> int:
+        return len(self.hits_ned_m)
 
     @property
     def notable_m(self) -> float:
@@ -51,7 +57,8 @@ class TruthRecord:
         self.clearance_m = min(self.clearance_m, clearance_m)
         hit = clearance_m <= 0 and not self._touching
         self._touching = clearance_m <= 0
-        self.collisions += hit
+        if hit:
+            self.hits_ned_m.append(state.position_ned_m)
         return hit
 
     def observe_other(self, apart_m: float) -> None:
@@ -72,7 +79,7 @@ class TruthRecord:
                 {
                     "path": [asdict(state) for state in self.path],
                     "clearance_m": self.clearance_m,
-                    "collisions": self.collisions,
+                    "hits_ned_m": self.hits_ned_m,
                     "air_time_s": self.air_time_s,
                     "apart_m": self.apart_m,
                 }
@@ -87,7 +94,7 @@ class TruthRecord:
         truth = cls(states[0])
         truth.path = states
         truth.clearance_m = record["clearance_m"]
-        truth.collisions = record["collisions"]
+        truth.hits_ned_m = [(north, east, down) for north, east, down in record["hits_ned_m"]]
         truth.air_time_s = record["air_time_s"]
         truth.apart_m = record["apart_m"]
         return truth

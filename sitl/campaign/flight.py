@@ -1,0 +1,167 @@
+"""One flight of a campaign: what its settings mean, and the row of its results."""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from companion.config.team import MAX_DRONES, TEAM_DRONES
+from companion.core.frames import Vector2
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
+from sitl.bench import missions, surveys
+from sitl.bench.engine import attempted
+from sitl.bench.missions import Job, Physics, places_of_hits
+from sitl.bench.sets import suiting
+from sitl.bench.surveys import SurveyJob
+from sitl.core.errors import SitlError
+from sitl.core.program import program_version
+from sitl.running.options import Autopilot, FlightOptions
+from sitl.scoring.team_report import scored
+from sitl.sensors.beam import BeamPhysics
+from sitl.simulation.team import fly_team_in_lockstep
+from sitl.simulation.team_pads import team_setups
+
+Row = dict[str, Any]
+OPTIONS: dict[str, object] = {
+    "world": "room_100",
+    "seed": 1,
+    "profile": "gp2y0a710k0f",
+    "autopilot": Autopilot.ARDUPILOT.value,
+    "start": None,
+    "crop_m": None,
+    "battery_s": None,
+    "clutter": 0.0,
+    "clutter_seed": None,
+}
+"""Options of `sitl fly` that a campaign varies, with their defaults."""
+FLIGHTS: dict[str, object] = {"mission": None, "team": 1, "sorties": 1, "noise": 1.0}
+"""Further settings of a campaign, with their defaults. `noise` is a factor on the drift of odometry
+and gyro."""
+BEAM, PARAMETER = "beam.", "param."
+"""Prefixes of the keys of beam physics, and of autopilot parameters. Other keys with a dot are keys
+of the companion's configuration."""
+MAX_SORTIES = 20
+"""Most flights of a survey. Chosen."""
+HASH_LETTERS = 16
+"""Length of a flight's number, hexadecimal digits: among 10⁶ flights a pair is equal by chance with
+a probability of 3·10⁻⁸."""
+
+
+@dataclass(frozen=True)
+class CampaignFlight:
+    """The settings of one flight; those that are missing have their defaults."""
+
+    settings: Mapping[str, object]
+
+    @cached_property
+    def flight(self) -> str:
+        """The flight's number: a hash of its settings, and of the world if that is a file."""
+        known = {**self.settings}
+        file = Path(str(self["world"]))
+        if file.is_file():
+            known["world"] = hashlib.sha256(file.read_bytes()).hexdigest()
+        text = json.dumps(known, sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()[:HASH_LETTERS]
+
+    @property
+    def key(self) -> Row:
+        """Columns that identify its row."""
+        return {
+            "flight": self.flight,
+            "program": program_version(),
+            "world": self["world"],
+            "seed": self["seed"],
+            **self.settings,
+        }
+
+    def __getitem__(self, key: str) -> Any:
+        return self.settings.get(key, {**OPTIONS, **FLIGHTS}.get(key))
+
+    def job(self) -> Job:
+        """The flight as the benches fly it.
+
+        Raises:
+            SitlError, CompanionError: a setting is invalid.
+        """
+        team, sorties = self["team"], self["sorties"]
+        if not 1 <= team <= MAX_DRONES:
+            raise SitlError(f"team = {team}: should be 1 to {MAX_DRONES} drones")
+        if not 1 <= sorties <= MAX_SORTIES:
+            raise SitlError(f"sorties = {sorties}: should be 1 to {MAX_SORTIES}")
+        given = {key: self[key] for key in OPTIONS}
+        start = None if given["start"] is None else str(given["start"])
+        parameters = tuple(f"{name}={value}" for name, value in self._under(PARAMETER).items())
+        options = FlightOptions(**{**given, "start": start, "param": parameters})
+        beam = self._under(BEAM)
+        physics = Physics(
+            BeamPhysics.model_validate(beam) if beam else None,
+            REFERENCE_NOISE.times(float(self["noise"])),
+        )
+        configured = {
+            key: value
+            for key, value in self.settings.items()
+            if "." in key and not key.startswith((BEAM, PARAMETER))
+        }
+        mission = self["mission"] or suiting(options.world, options.clutter)
+        if team > 1 and mission not in TEAM_DRONES:
+            raise SitlError(f"mission = {mission!r}: a team flies {', '.join(TEAM_DRONES)}")
+        return Job(options, mission, configured, physics)
+
+    def check(self) -> None:
+        """Check the settings, without flying.
+
+        Raises:
+            SitlError, CompanionError: a setting is invalid.
+        """
+        self.job().prepared()
+
+    def _under(self, prefix: str) -> Row:
+        return {
+            key.removeprefix(prefix): value
+            for key, value in self.settings.items()
+            if key.startswith(prefix)
+        }
+
+
+def fly(flight: CampaignFlight) -> Row:
+    """Fly; an exception becomes a row of the results."""
+    return attempted(flight, _fly, lost)
+
+
+def lost(flight: CampaignFlight, why: str) -> Row:
+    """The row of a flight without a report."""
+    ending = f"lost: {' '.join(why.split())}"
+    return {**flight.key, "completed": False, "lost": True, "ending": ending}
+
+
+def _fly(flight: CampaignFlight) -> Row:
+    began_s = time.monotonic()
+    job, team, sorties = flight.job(), flight["team"], flight["sorties"]
+    if sorties > 1:
+        row, hits = _of(surveys.fly(SurveyJob(job, sorties, drones=team)).joint)
+    elif team > 1:
+        row, hits = _fly_team(job, team, began_s)
+    else:
+        row, hits = _of(missions.fly(job))
+    return {**row, **flight.key, "hits_north_m": _each(hits, 0), "hits_east_m": _each(hits, 1)}
+
+
+def _of(flown: missions.Flown) -> tuple[Row, list[Vector2]]:
+    return dict(flown.row), list(flown.sketch.hits)
+
+
+def _fly_team(job: Job, drones: int, began_s: float) -> tuple[Row, list[Vector2]]:
+    setup, settings, _ = job.prepared()
+    setups, configs = team_setups(setup, settings, drones)
+    flown = fly_team_in_lockstep(setups, configs, lambda number, progress: None)
+    team = scored(setup, configs, flown, time.monotonic() - began_s)
+    hits = places_of_hits([vehicle.record for vehicle in flown.fleet.vehicles])
+    return {**team.joint, **job.key, "lost": False}, hits
+
+
+def _each(hits: list[Vector2], axis: int) -> list[float]:
+    return [round(place[axis], 2) for place in hits]

@@ -1,0 +1,114 @@
+"""The rows of a campaign in a folder of Parquet files, written as they come.
+
+rows/0000012.parquet   one file for each row, or for many of them: small files are joined
+
+A crash loses nothing: each file is complete before it has its name. After a crash between joining
+and deletion a row is in two files; readers take it once.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from companion.core.errors import OutputError
+from companion.core.textfile import reason
+from companion.export.map_files import save_as
+from sitl.core.errors import SitlError
+
+Row = dict[str, Any]
+KEY = ("flight", "program")
+"""Columns that identify a row: the settings, and the program that has flown them."""
+JOIN_AT = 100
+"""Number of small files that are joined. Chosen."""
+SMALL_ROWS = 1
+
+
+class ResultsError(SitlError):
+    """The rows of a campaign cannot be read."""
+
+
+class Results:
+    """The rows in a folder; new ones are kept there at once."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises: OutputError: the folder cannot be made. ResultsError: a file is no Parquet."""
+        self._folder = folder / "rows"
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self._folder}: {reason(error)}") from error
+        files = _files(self._folder)
+        self._next = int(files[-1].stem) + 1 if files else 0
+        self._small = [path for path in files if _rows_in(path) <= SMALL_ROWS]
+        self.known = {tuple(row[key] for key in KEY) for row in read_rows(folder)}
+        """Values of `KEY` of all rows."""
+
+    def add(self, row: Row) -> None:
+        """Keep a row.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        self._small.append(self._write([row]))
+        self.known.add(tuple(row[key] for key in KEY))
+        if len(self._small) >= JOIN_AT:
+            self._write([each for path in self._small for each in _read(path)])
+            for path in self._small:
+                with suppress(OSError):
+                    path.unlink()
+            self._small = []
+
+    def _write(self, rows: Sequence[Row]) -> Path:
+        path = self._folder / f"{self._next:07d}.parquet"
+        save_table(rows, path)
+        self._next += 1
+        return path
+
+
+def read_rows(folder: Path) -> list[Row]:
+    """All rows, each once, in the order in which they came.
+
+    Raises:
+        ResultsError: a file is no Parquet.
+    """
+    found: dict[tuple[Any, ...], Row] = {}
+    for path in _files(folder / "rows"):
+        for row in _read(path):
+            found.setdefault(tuple(row[key] for key in KEY), row)
+    return list(found.values())
+
+
+def save_table(rows: Sequence[Row], path: Path) -> None:
+    """Write rows as one Parquet file; a column that a row lacks is empty there.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+
+    def write(rows: Sequence[Row], file: Path) -> None:
+        tables = [pa.Table.from_pylist([row]) for row in rows]
+        parquet.write_table(pa.concat_tables(tables, promote_options="permissive"), file)
+
+    save_as(write, rows, path)
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.glob("*.parquet") if path.stem.isdecimal())
+
+
+def _rows_in(path: Path) -> int:
+    return int(parquet.read_metadata(path).num_rows)
+
+
+def _read(path: Path) -> Iterator[Row]:
+    try:
+        table = parquet.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        remedy = "delete it, and its flights are flown again"
+        raise ResultsError(f"{path}: {error}; {remedy}") from error
+    for row in table.to_pylist():
+        yield {key: value for key, value in row.items() if value is not None or key in KEY}
