@@ -237,7 +237,9 @@ def surveys(
         row = flown.row
         return f"{row['world']}: {row.get('flights', 0)} flights, {row['ending']}"
 
-    flown = with_a_bar(jobs, progress_text, fly, lost)
+    flown = with_a_bar(
+        jobs, progress_text, fly, lost, has_failed=lambda flown: bool(flown.row["lost"])
+    )
     result = sum_up(flown)
     if as_json:
         print(json.dumps(result, indent=1))
@@ -291,7 +293,10 @@ def teams(
                 save_as(draw_sheet, [each.joint for each in ended], out / "teams.png")
         return f"{flown.row['world']}: {flown.row['ending']}"
 
-    result = sum_up(with_a_bar(jobs, progress_text, fly, lost))
+    teams = with_a_bar(
+        jobs, progress_text, fly, lost, has_failed=lambda flown: bool(flown.row["lost"])
+    )
+    result = sum_up(teams)
     if as_json:
         print(json.dumps(result, indent=1))
     else:

@@ -51,6 +51,7 @@ CONNECTS_S = 30.0
 """Timeout for the connection to a scheduler, and for its first worker, s. Chosen."""
 TELLS_S = 1.0
 """Time for the reason to reach the scheduler before the process ends, s. Chosen."""
+SCHEDULER_LOST = "the scheduler has ended; start it again, and run the same command"
 LOCAL = {
     "distributed.scheduler.allowed-failures": MAX_TRIES - 1,
     # workers keep no results, and a job ends its own process in time, with a reason
@@ -131,11 +132,11 @@ def with_a_bar(
     lose_one: Callable[[J, str], F],
     crew: Crew = THIS_MACHINE,
     *,
-    has_failed: Callable[[F], bool] = lambda _: False,
+    has_failed: Callable[[F], bool] | None = None,
 ) -> list[F]:
     """Run all jobs with a progress bar, or lines in a log, from `progress_text`.
 
-    The bar also has the time left, and the number of results that `has_failed`.
+    The bar also has the time left, and the number of failures so far, if `has_failed` tells them.
     """
     console = Console(stderr=True, highlight=False)
     columns = (
@@ -143,20 +144,21 @@ def with_a_bar(
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[failures]} failed  {task.description}"),
+        TextColumn("{task.fields[failures]}{task.description}"),
     )
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as progress:
-        bar = progress.add_task("flying", total=len(jobs), failures=0)
+        bar = progress.add_task("flying", total=len(jobs), failures="")
         done, failures = count(1), 0
 
         def on_result(result: F) -> None:
             nonlocal failures
-            failures += has_failed(result)
+            failures += has_failed is not None and has_failed(result)
+            failed = f"{failures} failed  " if has_failed else ""
             text = progress_text(result)
             if console.is_terminal:
-                progress.update(bar, advance=1, description=text, failures=failures)
+                progress.update(bar, advance=1, description=text, failures=failed)
             else:
                 console.print(f"{next(done)} of {len(jobs)}: {text}")
 
@@ -180,16 +182,17 @@ class _Batch(Generic[J]):
 
     def results(self) -> Iterator[tuple[int, Any, str]]:
         """The number of each job, as it ends, with its result, or with the reason of its loss."""
-        from distributed import wait  # noqa: PLC0415 - slow to load
+        from distributed import CancelledError, wait  # noqa: PLC0415 - slow to load
 
         self._fill()
         while self._running:
             try:
                 ended = wait(list(self._running), timeout=CHECK_S, return_when="FIRST_COMPLETED")
             except TimeoutError:
-                self._check_workers()
                 self._fill()  # workers may have joined
                 continue
+            except CancelledError as error:
+                raise CampaignError(SCHEDULER_LOST) from error
             for future in ended.done:
                 yield self._ended(future)
             self._fill()
@@ -207,10 +210,6 @@ class _Batch(Generic[J]):
                 return
             future = self._client.submit(self._guarded, self._jobs[number], pure=False)
             self._running[future] = number
-
-    def _check_workers(self) -> None:
-        if self._client.status != "running":
-            raise CampaignError("the scheduler has ended; start it, and run the same command again")
 
     def _ended(self, future: "Future[Any]") -> tuple[int, Any, str]:
         from distributed import KilledWorker  # noqa: PLC0415 - slow to load
@@ -275,6 +274,7 @@ def _client(crew: Crew, jobs: int) -> Iterator["Client"]:
     import dask  # noqa: PLC0415 - slow to load
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # results say what went wrong
     if crew.scheduler is None:
         number = min(crew.workers or cores(), jobs)
         with (

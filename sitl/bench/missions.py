@@ -125,7 +125,9 @@ def fly_and_show(
         keep(flown)
         return ending_in_words(flown)
 
-    return with_a_bar(jobs, progress_text, fly, lost)
+    return with_a_bar(
+        jobs, progress_text, fly, lost, has_failed=lambda flown: not flown.row["completed"]
+    )
 
 
 def ending_in_words(flown: Flown) -> str:

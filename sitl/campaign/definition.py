@@ -28,7 +28,7 @@ from companion.config.settings import Config
 from companion.core.errors import CompanionError
 from companion.core.textfile import NotTextError, read_text, reason
 from sitl.bench.sets import places
-from sitl.campaign.flight import BEAM, FLIGHTS, OPTIONS, PARAMETER, CampaignFlight
+from sitl.campaign.flight import BEAM, PARAMETER, CampaignFlight, Options
 from sitl.core.errors import SitlError, error_line
 from sitl.sensors.beam import BeamPhysics
 from sitl.world.format import WorldError
@@ -115,9 +115,9 @@ def load_campaign(path: Path) -> Campaign:
         flights = tuple(CampaignFlight(each) for each in settings)
         _check(axes, flights[0])
     except (SitlError, CompanionError, WorldError) as error:
-        raise CampaignFileError(f"{path}: vary.{error}") from error
+        raise CampaignFileError(f"{path}: {error}") from error
     except ValidationError as error:
-        raise CampaignFileError(f"{path}: vary: {error_line(error)}") from error
+        raise CampaignFileError(f"{path}: {error_line(error)}") from error
     varied = tuple(key for key in axes if len({str(each.settings[key]) for each in flights}) > 1)
     return Campaign(flights, varied, file.limit_s, file.memory_mb)
 
@@ -151,14 +151,14 @@ def _worlds(name: str) -> list[Scalar]:
 
 
 def _check_key(key: str) -> None:
-    if key in OPTIONS or key in FLIGHTS or key.startswith(PARAMETER):
+    if key in Options.model_fields or key.startswith(PARAMETER):
         return
     section, _, name = key.partition(".")
     if f"{section}." == BEAM and name in BeamPhysics.model_fields:
         return
     if section in Config.model_fields and name:
         return
-    known = ", ".join([*OPTIONS, *FLIGHTS])
+    known = ", ".join(Options.model_fields)
     raise CampaignFileError(
         f"{key}: no such setting; known are {known}, beam.* and param.*, and the keys of "
         "docs/config-reference.md"

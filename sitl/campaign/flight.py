@@ -9,6 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field
+
 from companion.config.team import MAX_DRONES, TEAM_DRONES
 from companion.core.frames import Vector2
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
@@ -19,28 +21,13 @@ from sitl.bench.sets import suiting
 from sitl.bench.surveys import SurveyJob
 from sitl.core.errors import SitlError
 from sitl.core.program import program_version
-from sitl.running.options import Autopilot, FlightOptions
+from sitl.running.options import MAX_BATTERY_S, Autopilot, FlightOptions
 from sitl.scoring.team_report import scored
 from sitl.sensors.beam import BeamPhysics
 from sitl.simulation.team import fly_team_in_lockstep
 from sitl.simulation.team_pads import team_setups
 
 Row = dict[str, Any]
-OPTIONS: dict[str, object] = {
-    "world": "room_100",
-    "seed": 1,
-    "profile": "gp2y0a710k0f",
-    "autopilot": Autopilot.ARDUPILOT.value,
-    "start": None,
-    "crop_m": None,
-    "battery_s": None,
-    "clutter": 0.0,
-    "clutter_seed": None,
-}
-"""Options of `sitl fly` that a campaign varies, with their defaults."""
-FLIGHTS: dict[str, object] = {"mission": None, "team": 1, "sorties": 1, "noise": 1.0}
-"""Further settings of a campaign, with their defaults. `noise` is a factor on the drift of odometry
-and gyro."""
 BEAM, PARAMETER = "beam.", "param."
 """Prefixes of the keys of beam physics, and of autopilot parameters. Other keys with a dot are keys
 of the companion's configuration."""
@@ -49,6 +36,28 @@ MAX_SORTIES = 20
 HASH_LETTERS = 16
 """Length of a flight's number, hexadecimal digits: among 10⁶ flights a pair is equal by chance with
 a probability of 3·10⁻⁸."""
+
+
+class Options(BaseModel):
+    """What a campaign varies, beside beam physics, parameters and the companion's configuration."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", coerce_numbers_to_str=True)
+
+    world: str = "room_100"
+    seed: int = 1
+    profile: str = "gp2y0a710k0f"
+    autopilot: Autopilot = Autopilot.ARDUPILOT
+    start: str | None = None
+    crop_m: float | None = Field(None, ge=4)
+    battery_s: float | None = Field(None, ge=60, le=MAX_BATTERY_S)
+    clutter: float = Field(0.0, ge=0, le=1)
+    clutter_seed: int | None = None
+    mission: str | None = None
+    """None: suits the world."""
+    team: int = Field(1, ge=1, le=MAX_DRONES)
+    sorties: int = Field(1, ge=1, le=MAX_SORTIES)
+    noise: float = Field(1.0, ge=0, le=10)
+    """Factor on the drift of odometry and gyro."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +70,7 @@ class CampaignFlight:
     def flight(self) -> str:
         """The flight's number: a hash of its settings, and of the world if that is a file."""
         known = {**self.settings}
-        file = Path(str(self["world"]))
+        file = Path(self.options.world)
         if file.is_file():
             known["world"] = hashlib.sha256(file.read_bytes()).hexdigest()
         text = json.dumps(known, sort_keys=True, default=str)
@@ -73,49 +82,56 @@ class CampaignFlight:
         return {
             "flight": self.flight,
             "program": program_version(),
-            "world": self["world"],
-            "seed": self["seed"],
+            "world": self.options.world,
+            "seed": self.options.seed,
             **self.settings,
         }
 
-    def __getitem__(self, key: str) -> Any:
-        return self.settings.get(key, {**OPTIONS, **FLIGHTS}.get(key))
+    @cached_property
+    def options(self) -> Options:
+        """Raises: ValidationError: a value is invalid."""
+        return Options.model_validate(
+            {key: value for key, value in self.settings.items() if "." not in key}
+        )
 
     def job(self) -> Job:
         """The flight as the benches fly it.
 
         Raises:
-            SitlError, CompanionError: a setting is invalid.
+            SitlError, CompanionError, ValidationError: a setting is invalid.
         """
-        team, sorties = self["team"], self["sorties"]
-        if not 1 <= team <= MAX_DRONES:
-            raise SitlError(f"team = {team}: should be 1 to {MAX_DRONES} drones")
-        if not 1 <= sorties <= MAX_SORTIES:
-            raise SitlError(f"sorties = {sorties}: should be 1 to {MAX_SORTIES}")
-        given = {key: self[key] for key in OPTIONS}
-        start = None if given["start"] is None else str(given["start"])
-        parameters = tuple(f"{name}={value}" for name, value in self._under(PARAMETER).items())
-        options = FlightOptions(**{**given, "start": start, "param": parameters})
-        beam = self._under(BEAM)
+        given, beam = self.options, self._under(BEAM)
+        options = FlightOptions(
+            given.world,
+            given.seed,
+            given.profile,
+            given.autopilot.value,
+            given.start,
+            param=tuple(f"{name}={value}" for name, value in self._under(PARAMETER).items()),
+            crop_m=given.crop_m,
+            battery_s=given.battery_s,
+            clutter=given.clutter,
+            clutter_seed=given.clutter_seed,
+        )
         physics = Physics(
-            BeamPhysics.model_validate(beam) if beam else None,
-            REFERENCE_NOISE.times(float(self["noise"])),
+            BeamPhysics.model_validate(beam) if beam else None, REFERENCE_NOISE.times(given.noise)
         )
         configured = {
             key: value
             for key, value in self.settings.items()
             if "." in key and not key.startswith((BEAM, PARAMETER))
         }
-        mission = self["mission"] or suiting(options.world, options.clutter)
-        if team > 1 and mission not in TEAM_DRONES:
-            raise SitlError(f"mission = {mission!r}: a team flies {', '.join(TEAM_DRONES)}")
+        mission = given.mission or suiting(given.world, given.clutter)
+        most = TEAM_DRONES.get(mission, 1)
+        if given.team > most:
+            raise SitlError(f"team = {given.team}: at most {most} drones fly {mission!r}")
         return Job(options, mission, configured, physics)
 
     def check(self) -> None:
         """Check the settings, without flying.
 
         Raises:
-            SitlError, CompanionError: a setting is invalid.
+            SitlError, CompanionError, ValidationError: a setting is invalid.
         """
         self.job().prepared()
 
@@ -140,7 +156,7 @@ def lost(flight: CampaignFlight, why: str) -> Row:
 
 def _fly(flight: CampaignFlight) -> Row:
     began_s = time.monotonic()
-    job, team, sorties = flight.job(), flight["team"], flight["sorties"]
+    job, team, sorties = flight.job(), flight.options.team, flight.options.sorties
     if sorties > 1:
         row, hits = _of(surveys.fly(SurveyJob(job, sorties, drones=team)).joint)
     elif team > 1:

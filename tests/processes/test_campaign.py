@@ -8,7 +8,7 @@ from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
 
 SEEDS = 40
-MISSIONS = ("missions", "--worlds", SMALL_ROOM, "--seeds", str(SEEDS))
+MISSIONS = ("missions", "--worlds", SMALL_ROOM, "--seeds", str(SEEDS), "--battery-s", "60")
 
 
 def test_an_interrupted_campaign_reports_its_finished_flights() -> None:
