@@ -38,7 +38,6 @@ from companion.estimation.smoothing.state import (
     Measured,
     Unknowns,
     normals_of,
-    tangents_of,
 )
 from companion.estimation.solved_flight import SolvedFlight
 
@@ -221,6 +220,8 @@ class Estimator:
             bearing_frd_rad = ahead_rad + unit.bearing_frd_rad
             wall = self.slam.correct_by_range(centre_ne_m, yaw_rad + bearing_frd_rad, range_m, unit)
             measured_at = shift_m, bearing_frd_rad
+            if wall is not None:
+                self.slam.walls[wall].measured_s = scan.time_s
             number = BEAMS.index(beam)
             self.record.add_hit(pose, number, reading.distance_m, measured_at, wall, late_s=late_s)
             if reading.distance_m > self._max_direction_range_m[beam]:
@@ -392,8 +393,4 @@ class Estimator:
 
     def walls(self) -> Walls:
         """All walls, for the smoother."""
-        lines = np.array([self.slam.line(wall) for wall in self.slam.walls]).reshape(-1, 2)
-        anchors = np.array([wall.anchor_ne_m for wall in self.slam.walls]).reshape(-1, 2)
-        reach_m = np.array([(wall.low_m, wall.high_m) for wall in self.slam.walls]).reshape(-1, 2)
-        tangents = tangents_of(lines)
-        return Walls(lines, reach_m + (anchors * tangents).sum(axis=1)[:, None])
+        return Walls(*self.slam.lines_and_reach())

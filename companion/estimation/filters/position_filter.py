@@ -20,6 +20,7 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, wrap_rad
+from companion.core.measured_walls import MeasuredWalls
 from companion.core.messages import RangeModel, RangeUnit
 from companion.core.values import value
 from companion.estimation.filters.heading_filter import HeadingFilter
@@ -47,6 +48,8 @@ class Wall:
     anchor_ne_m: Vector2
     low_m: float
     high_m: float
+    measured_s: float = -math.inf
+    """Time of the last range that corrected the position by it, s; -inf before the first."""
 
     def extend(self, along_m: float) -> None:
         self.low_m = min(self.low_m, along_m)
@@ -124,6 +127,24 @@ class LineSlam:
     def offset_sigma_m(self, wall: Wall) -> float:
         at = WALLS + wall.index
         return math.sqrt(self._p.item(at, at))
+
+    def lines_and_reach(self) -> tuple[Array, Array]:
+        """Lines (w, 2) as by `line`, and intervals (w, 2) along them with hits; local NED, rad, m.
+
+        Along is measured from the foot of the origin, in the direction (-sin, cos)(normal).
+        """
+        lines = np.array([self.line(wall) for wall in self.walls]).reshape(-1, 2)
+        anchors_ne_m = np.array([wall.anchor_ne_m for wall in self.walls]).reshape(-1, 2)
+        ends_m = np.array([(wall.low_m, wall.high_m) for wall in self.walls]).reshape(-1, 2)
+        tangents = np.column_stack([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
+        return lines, ends_m + (anchors_ne_m * tangents).sum(axis=1)[:, None]
+
+    def measured_walls(self) -> MeasuredWalls:
+        """The walls with the times of their last ranges."""
+        lines, reach_m = self.lines_and_reach()
+        normals = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0])])
+        measured_s = np.array([wall.measured_s for wall in self.walls])
+        return MeasuredWalls(normals, lines[:, 1], reach_m, measured_s)
 
     def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
         """Predict by the odometry's displacement in local NED, its scale not yet applied."""

@@ -4,8 +4,10 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
+from companion.core.measured_walls import MeasuredWalls
 from companion.core.messages import Beam, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
@@ -108,6 +110,26 @@ def test_position_uncertainty_does_not_slow_near_a_recently_detected_wall() -> N
     sure = observation(place=(1.0, 0.0), time_s=5.0)
     far = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
     assert followed(way, far, grid) == followed(way, sure, grid)
+
+
+@pytest.mark.parametrize(("wall_east_m", "is_slowed"), [(-1.2, False), (-1.6, True)])
+def test_position_uncertainty_does_not_slow_along_a_wall_that_is_measured(
+    wall_east_m: float, is_slowed: bool
+) -> None:
+    """Its known part begins 1 m ahead."""
+    grid, way = open_ground(), ((3.0, 0.0),)
+    grid.block((1.0, -1.2), 0.1)
+    wall = MeasuredWalls(
+        np.array([[0.0, -1.0]]), np.array([-wall_east_m]), np.array([[2.0, 9.0]]), np.array([120.0])
+    )
+    sure = observation(place=(1.0, 0.0), time_s=120.0)
+    lost = replace(
+        sure,
+        pose=replace(sure.pose, position_sigma_m=0.45),
+        measured_walls=lambda: wall,
+    )
+    slowed = followed(way, lost, grid).forward_m_s < followed(way, sure, grid).forward_m_s
+    assert slowed == is_slowed
 
 
 def test_a_too_near_side_reading_slows_although_the_map_has_no_wall_there() -> None:
