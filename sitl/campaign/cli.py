@@ -29,7 +29,7 @@ commands = typer.Typer(
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
-@commands.command(FLY, hidden=True)
+@commands.command(FLY)
 def fly(
     file: Annotated[Path, typer.Argument(help="Campaign file, TOML; docs/campaigns.md.")],
     out: Annotated[
@@ -44,7 +44,7 @@ def fly(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fly what the campaign still lacks; summarise and plot all its flights.
+    """Fly the flights of a file that have no results yet; summarise and plot all. The default.
 
     The same command goes on where the last one ended. Exit status 1 if flights are missing.
     """

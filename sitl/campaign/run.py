@@ -16,7 +16,9 @@ from sitl.core.program import program_version
 MB = 1_000_000
 
 
-def run(campaign: Campaign, folder: Path, scheduler: str | None, workers: int | None) -> list[Row]:
+def run(
+    campaign: Campaign, folder: Path, scheduler: str | None = None, workers: int | None = None
+) -> list[Row]:
     """Fly the flights without a row of this program, and return the rows of all.
 
     The order is random, the same each time, so that an unfinished campaign is a fair sample.

@@ -79,6 +79,7 @@ class TruthRecord:
                 {
                     "path": [asdict(state) for state in self.path],
                     "clearance_m": self.clearance_m,
+                    "collisions": self.collisions,
                     "hits_ned_m": self.hits_ned_m,
                     "air_time_s": self.air_time_s,
                     "apart_m": self.apart_m,

@@ -1,0 +1,1 @@
+"""The experiments of the paper, section 5: `python -m benchmarks.paper --out DIR`."""
