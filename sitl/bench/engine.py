@@ -114,14 +114,16 @@ def run_all(
     results: dict[int, F] = {}
     with _client(crew, len(jobs)) as client:
         batch = _Batch(client, jobs, _Guarded(run_one, program_version(), crew.limit_s))
+
+        def keep(ended: Iterator[tuple[int, F, str]]) -> None:
+            for number, result, why in ended:
+                results[number] = lose_one(jobs[number], why) if why else result
+                on_result(results[number])
+
         try:
-            for number, result, why in batch.results():
-                results[number] = lose_one(jobs[number], why) if why else result
-                on_result(results[number])
+            keep(batch.results())
         except KeyboardInterrupt:
-            for number, result, why in batch.rest():
-                results[number] = lose_one(jobs[number], why) if why else result
-                on_result(results[number])
+            keep(batch.rest())
     return [results[number] for number in sorted(results)]
 
 
@@ -222,11 +224,9 @@ class _Batch(Generic[J]):
             told = [entry for _, entry in self._client.get_events(REASONS)]
             reasons = {entry["key"]: entry["why"] for entry in told}
             return number, None, reasons.get(future.key, "its process died")
-        raise (
-            error
-            if isinstance(error, CampaignError)
-            else CampaignError(f"a worker cannot run the jobs: {type(error).__name__}: {error}")
-        )
+        if isinstance(error, CampaignError):
+            raise error
+        raise CampaignError(f"a worker cannot run the jobs: {type(error).__name__}: {error}")
 
 
 @dataclass(frozen=True, slots=True)
