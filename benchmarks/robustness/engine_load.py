@@ -13,7 +13,7 @@ import psutil
 
 from sitl.bench.engine import Crew, run_all
 from sitl.campaign.flight import CampaignFlight, fly, lost
-from sitl.campaign.results import Row
+from sitl.campaign.scores import Row
 
 FLIGHTS, ROUNDS = 6, 3
 JOBS, JOB_S, EVERY = 10_000, 0.010, 1000

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,6 +18,7 @@ from sitl.bench.engine import attempted
 from sitl.bench.missions import Job, Physics, places_of_hits
 from sitl.bench.sets import suiting
 from sitl.bench.surveys import SurveyJob
+from sitl.campaign.scores import Row
 from sitl.core.errors import SitlError
 from sitl.core.program import program_version
 from sitl.running.options import MAX_BATTERY_S, Autopilot, FlightOptions
@@ -27,7 +27,6 @@ from sitl.sensors.beam import BeamPhysics
 from sitl.simulation.team import fly_team_in_lockstep
 from sitl.simulation.team_pads import team_setups
 
-Row = dict[str, Any]
 BEAM, PARAMETER = "beam.", "param."
 """Prefixes of the keys of beam physics, and of autopilot parameters. Other keys with a dot are keys
 of the companion's configuration."""

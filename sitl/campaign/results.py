@@ -17,14 +17,13 @@ from pyarrow import parquet
 from companion.core.errors import OutputError
 from companion.core.textfile import reason
 from companion.export.map_files import save_as
+from sitl.campaign.scores import Row
 from sitl.core.errors import SitlError
 
-Row = dict[str, Any]
 KEY = ("flight", "program")
 """Columns that identify a row: the settings, and the program that has flown them."""
 JOIN_AT = 100
 """Number of small files that are joined. Chosen."""
-SMALL_ROWS = 1
 
 
 class ResultsError(SitlError):
@@ -43,9 +42,9 @@ class Results:
             raise OutputError(f"{self._folder}: {reason(error)}") from error
         files = _files(self._folder)
         self._next = int(files[-1].stem) + 1 if files else 0
-        self._small = [path for path in files if _rows_in(path) <= SMALL_ROWS]
         self.known = {tuple(row[key] for key in KEY) for row in read_rows(folder)}
         """Values of `KEY` of all rows."""
+        self._small = [path for path in files if parquet.read_metadata(path).num_rows == 1]
 
     def add(self, row: Row) -> None:
         """Keep a row.
@@ -98,10 +97,6 @@ def save_table(rows: Sequence[Row], path: Path) -> None:
 
 def _files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("*.parquet") if path.stem.isdecimal())
-
-
-def _rows_in(path: Path) -> int:
-    return int(parquet.read_metadata(path).num_rows)
 
 
 def _read(path: Path) -> Iterator[Row]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from sitl.bench.engine import Crew, with_a_bar
 from sitl.campaign.definition import Campaign
 from sitl.campaign.flight import CampaignFlight, fly, lost
-from sitl.campaign.results import Results, Row, read_rows
+from sitl.campaign.results import Results, read_rows
+from sitl.campaign.scores import Row
 from sitl.core.errors import SitlError
 from sitl.core.program import program_version
 

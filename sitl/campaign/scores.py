@@ -7,6 +7,7 @@ import numpy as np
 from scipy import stats
 
 Row = dict[str, Any]
+"""A flight of a campaign: its settings, and the keys of its report."""
 CONFIDENCE = 0.95
 
 

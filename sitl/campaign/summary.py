@@ -5,9 +5,8 @@ from typing import Any
 
 from rich.table import Table
 
-from sitl.campaign.scores import SCORES, Mean, values
+from sitl.campaign.scores import SCORES, Mean, Row, values
 
-Row = dict[str, Any]
 NOT_GROUPED = ("seed", "clutter_seed")
 """Settings whose single values mean nothing."""
 IN_TERMINAL = ("wall_error_aligned_cm", "coverage", "flight_time_s")

@@ -11,7 +11,8 @@ import psutil
 
 from sitl.campaign.definition import load_campaign
 from sitl.campaign.flight import fly
-from sitl.campaign.results import Row, read_rows
+from sitl.campaign.results import read_rows
+from sitl.campaign.scores import Row
 from sitl.scoring.report import WALL_CLOCK_KEYS
 from tests.processes.started import sitl
 from tests.waiting import DEADLINE_S, until

@@ -63,6 +63,8 @@ def test_a_broken_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "rows" / "0000000.parquet").write_bytes(b"nothing")
     with pytest.raises(ResultsError, match=r"0000000\.parquet: .*delete it"):
         read_rows(tmp_path)
+    with pytest.raises(ResultsError, match="delete it"):
+        Results(tmp_path)
 
 
 def test_differences_are_paired_by_flight(tmp_path: Path) -> None:
