@@ -21,8 +21,8 @@ from tests.worlds import SMALL_ROOM
 CAMPAIGN = f"""
 [vary]
 world = "{SMALL_ROOM}"
-seed = {{ from = 1, to = 4 }}
-"mission.time_limit_s" = 25
+seed = {{ from = 1, to = 3 }}
+"mission.time_limit_s" = 20
 "mission.reserve_s" = 0
 """
 
@@ -33,11 +33,11 @@ def test_a_killed_campaign_goes_on_and_is_equal_to_an_undisturbed_one(tmp_path: 
     command = sitl("campaign", str(file), f"--out={out}", "--workers=1")
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as killed:
         assert killed.stderr is not None
-        assert killed.stderr.readline().startswith("1 of 4")
+        assert killed.stderr.readline().startswith("1 of 3")
         workers = psutil.Process(killed.pid).children(recursive=True)
         killed.kill()
     until(lambda: not any(each.is_running() for each in workers), "the end of the workers")
-    assert 1 <= len(read_rows(out)) < 4
+    assert 1 <= len(read_rows(out)) < 3
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as resumed:
         assert resumed.stderr is not None
         assert resumed.stderr.readline().startswith("1 of ")
