@@ -13,7 +13,6 @@ from functools import cache, partial
 from companion.config.settings import Config
 from companion.core.arrays import Array
 from companion.core.known_walls import KnownWalls
-from companion.core.measured_walls import MeasuredWalls
 from companion.core.messages import (
     Beam,
     FloorPlan,
@@ -246,7 +245,6 @@ class App:
                 self._bearings_frd_rad,
                 wall,
                 self.estimator.known_walls if self.estimator else KnownWalls.none,
-                self.estimator.slam.measured_walls if self.estimator else MeasuredWalls.none,
                 self._lag.lag_s,
                 wander_m,
                 around.lane,

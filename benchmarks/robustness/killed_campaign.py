@@ -12,7 +12,6 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -105,8 +104,8 @@ def fly_disturbed(file: Path, out: Path, flights: int) -> None:
         command = fly(file, out, f"--scheduler={cluster.address}")
         flying = subprocess.Popen(command)
 
-        def until(share: float, is_over: Callable[[], bool] = lambda: False) -> None:
-            while _rows(out) < share * flights and not is_over():
+        def until(share: float) -> None:
+            while _rows(out) < share * flights:
                 time.sleep(CHECK_S)
 
         until(0.25)

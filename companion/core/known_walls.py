@@ -11,6 +11,12 @@ from companion.core.frames import Vector2
 OPPOSITE_RAD = math.radians(10)
 """Walls are opposite within this angle, rad. Chosen."""
 
+ON_WALL_M = 0.2
+"""A place at most this far from a wall's line lies on it, m: two cells of the map."""
+BEYOND_END_M = 1.2
+"""A place at most this far beyond the known end of a wall may still lie on it, m: as for the ranges
+of `position_filter.py`."""
+
 
 @dataclass(frozen=True, slots=True)
 class KnownWalls:
@@ -24,11 +30,13 @@ class KnownWalls:
     """(w, 2): interval along (-sin, cos)(normal)."""
     covariance_m2: Array
     """(w, w): covariance of the walls' offsets at their middles."""
+    measured_s: Array
+    """(w,): time of the last range that met the wall, s; -inf without one."""
 
     @classmethod
     def none(cls) -> "KnownWalls":
         """An empty set of walls."""
-        return cls(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), np.empty((0, 0)))
+        return cls(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), np.empty((0, 0)), np.empty(0))
 
     @property
     def tangents(self) -> Array:
@@ -51,6 +59,15 @@ class KnownWalls:
         """(p, w): perpendicular distances from positions (p, 2) to the walls; < 0 from behind."""
         distance_m: Array = self.offsets_m - places_ne_m @ self.normals.T
         return distance_m
+
+    def measured_at_s(self, places_ne_m: Array) -> Array:
+        """(p,): the last time at which the wall of each place (p, 2) was measured; -inf without."""
+        along_m = places_ne_m @ self.tangents.T
+        is_on = np.abs(self.distances_m(places_ne_m)) <= ON_WALL_M
+        is_on &= along_m >= self.reach_m[:, 0] - BEYOND_END_M
+        is_on &= along_m <= self.reach_m[:, 1] + BEYOND_END_M
+        latest_s: Array = np.where(is_on, self.measured_s, -np.inf).max(axis=1, initial=-np.inf)
+        return latest_s
 
     def foot_ne_m(self, wall: int, place_ne_m: Vector2) -> Vector2:
         """Foot of the perpendicular from a position to the wall."""

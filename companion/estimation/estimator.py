@@ -382,7 +382,8 @@ class Estimator:
         walls = self.walls()
         normals = normals_of(walls.lines)
         covariance_m2 = self.slam.offsets_covariance_m2
-        return KnownWalls(normals, walls.lines[:, 1], walls.reach_m, covariance_m2)
+        measured_s = np.array([wall.measured_s for wall in self.slam.walls])
+        return KnownWalls(normals, walls.lines[:, 1], walls.reach_m, covariance_m2, measured_s)
 
     def wall_lines(self) -> tuple[WallLine, ...]:
         """All walls, for the map."""

@@ -7,7 +7,6 @@ from dataclasses import field
 from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
-from companion.core.measured_walls import MeasuredWalls
 from companion.core.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -100,8 +99,6 @@ class Observation:
     distance along it, m."""
     walls: Callable[[], KnownWalls] = KnownWalls.none
     """All mapped walls; computed only when called."""
-    measured_walls: Callable[[], MeasuredWalls] = MeasuredWalls.none
-    """The walls that were measured lately, with times; computed only when called."""
 
     lag_s: float = FIRST_LAG_S
     """Lag of the vehicle's velocity behind the setpoint, s."""

@@ -7,14 +7,13 @@ the course before the drone flies fast. Then the nose swings (`swing.py`).
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, wrap_rad
-from companion.core.measured_walls import MeasuredWalls
+from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
@@ -110,27 +109,29 @@ def _room_m(observation: Observation, space: Occupancy) -> float:
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
     places = pose.ne_m, ahead_ne_m
-    walls = observation.measured_walls
-    mapped_m = (to_mapped_m(place, pose, space, walls) for place in places)
+    is_lost = LOST_SIGMAS * pose.position_sigma_m > SURE_M
+    walls = observation.walls() if is_lost else None
+    mapped_m = (_to_mapped_m(place, pose, space, walls) for place in places)
     beside_m = (
         observation.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in observation.ranges
     )
     return min((*mapped_m, *beside_m))
 
 
-def to_mapped_m(
-    place_ne_m: Vector2, pose: Pose, space: Occupancy, walls: Callable[[], MeasuredWalls]
+def _to_mapped_m(
+    place_ne_m: Vector2, pose: Pose, space: Occupancy, walls: KnownWalls | None
 ) -> float:
     """Distance to the nearest mapped obstacle, up to 1 m, reduced by the drone's position error.
 
     That error is relative to the obstacle: it has grown since the obstacle was last met, or the
-    wall on which it lies was last measured, wherever on it.
+    wall on which it lies was last measured, wherever on it. `walls`: None if the error is too small
+    to count.
     """
     within_m = NARROW_M + LOST_SIGMAS * pose.position_sigma_m
     met_ne_m, met_s = space.met_near(place_ne_m, within_m)
     away_m = np.hypot(*(met_ne_m - place_ne_m).T)
-    if LOST_SIGMAS * pose.position_sigma_m > SURE_M:
-        met_s = np.maximum(met_s, walls().measured_at_s(met_ne_m))
+    if walls is not None:
+        met_s = np.maximum(met_s, walls.measured_at_s(met_ne_m))
     wandered_m = WANDERS_M_SQRT_S * np.sqrt(np.maximum(pose.time_s - met_s, 0.0))
     sigma_m = np.minimum(wandered_m, pose.position_sigma_m)
     lost_m = np.maximum(LOST_SIGMAS * sigma_m - SURE_M, 0.0)

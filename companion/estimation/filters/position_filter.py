@@ -20,7 +20,6 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, wrap_rad
-from companion.core.measured_walls import MeasuredWalls
 from companion.core.messages import RangeModel, RangeUnit
 from companion.core.values import value
 from companion.estimation.filters.heading_filter import HeadingFilter
@@ -138,13 +137,6 @@ class LineSlam:
         ends_m = np.array([(wall.low_m, wall.high_m) for wall in self.walls]).reshape(-1, 2)
         tangents = np.column_stack([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
         return lines, ends_m + (anchors_ne_m * tangents).sum(axis=1)[:, None]
-
-    def measured_walls(self) -> MeasuredWalls:
-        """The walls with the times of their last ranges."""
-        lines, reach_m = self.lines_and_reach()
-        normals = np.column_stack([np.cos(lines[:, 0]), np.sin(lines[:, 0])])
-        measured_s = np.array([wall.measured_s for wall in self.walls])
-        return MeasuredWalls(normals, lines[:, 1], reach_m, measured_s)
 
     def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
         """Predict by the odometry's displacement in local NED, its scale not yet applied."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.core.measured_walls import MeasuredWalls
+from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
@@ -117,14 +117,18 @@ def test_position_uncertainty_does_not_slow_along_a_wall_that_is_measured(
     """Its known part begins 1 m ahead."""
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
-    wall = MeasuredWalls(
-        np.array([[0.0, -1.0]]), np.array([-wall_east_m]), np.array([[2.0, 9.0]]), np.array([120.0])
+    wall = KnownWalls(
+        np.array([[0.0, -1.0]]),
+        np.array([-wall_east_m]),
+        np.array([[2.0, 9.0]]),
+        np.eye(1),
+        np.array([120.0]),
     )
     sure = observation(place=(1.0, 0.0), time_s=120.0)
     lost = replace(
         sure,
         pose=replace(sure.pose, position_sigma_m=0.45),
-        measured_walls=lambda: wall,
+        walls=lambda: wall,
     )
     slowed = followed(way, lost, grid).forward_m_s < followed(way, sure, grid).forward_m_s
     assert slowed == is_slowed

@@ -37,6 +37,7 @@ from companion.pdps.visibility import is_clear
 
 PLAN = MissionConfig(kind="building")
 HALF_M, REACH_M = 3.5, 5.0
+NEVER = np.full(2, -np.inf)
 """Distance of the two walls north and south of the middle, m; they are 10 m long."""
 HERE: Vector2 = (0.0, -2.0)
 
@@ -46,7 +47,7 @@ def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) ->
     normals = np.array([[math.cos(turned_rad), math.sin(turned_rad)]]) * [[1.0], [-1.0]]
     covariance_m2 = sigma_m**2 * np.array([[1.0, -1.0], [-1.0, 1.0]] if tied else np.eye(2))
     reach_m = np.array([[-REACH_M, REACH_M]] * 2)
-    return KnownWalls(normals, np.array([HALF_M, HALF_M]), reach_m, covariance_m2)
+    return KnownWalls(normals, np.array([HALF_M, HALF_M]), reach_m, covariance_m2, NEVER)
 
 
 @cache
@@ -226,6 +227,7 @@ def test_the_filter_estimates_the_sigma_of_a_distance() -> None:
             np.array([3.0, 3.0]),
             np.array([[-3.0, 3.0]] * 2),
             slam.offsets_covariance_m2,
+            NEVER,
         )
         assert known.gap_sigmas_m()[0, 1] == pytest.approx(sigma_m, abs=0.01)
 

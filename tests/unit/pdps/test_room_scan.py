@@ -262,7 +262,13 @@ def facing(sigma_m: float) -> KnownWalls:
     """Two opposite walls with this sigma of the distance between them."""
     normals = np.array([[1.0, 0.0], [-1.0, 0.0]])
     variance_m2 = 0.5 * sigma_m**2 * np.eye(2)
-    return KnownWalls(normals, np.array([1.5, 13.5]), np.array([[-5.0, 5.0]] * 2), variance_m2)
+    return KnownWalls(
+        normals,
+        np.array([1.5, 13.5]),
+        np.array([[-5.0, 5.0]] * 2),
+        variance_m2,
+        np.full(2, -np.inf),
+    )
 
 
 def test_an_uncertain_distance_between_walls_adds_a_round() -> None:
