@@ -1,9 +1,11 @@
-"""Drops or joins walls after the flight where the map is more likely with fewer.
+"""Drops or joins walls where the map is more likely with fewer.
 
 The association decides about a wall by the hits beside it. Here the χ² of the whole map decides:
 
     before  ━━━━━━━━━━━  ━━━━━       after  ━━━━━━━━━━━━━━━━━━    two pieces of one surface: joined
     before  ━━━━╺━╸━━━━━             after  ━━━━━━━━━━━           a row of outliers: dropped
+
+Solutions are compared after that: a wall that is not needed costs as much as a wrong association.
 """
 
 from collections.abc import Generator, Iterator

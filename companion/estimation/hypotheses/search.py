@@ -14,7 +14,8 @@ whole stretch may be offset from the map (`shift_stretches.py`): it is shifted.
 After the flight an alternative is first solved alone: only the hits of its stretch are associated
 again, the rest of the map stays. Of several flights only its own is solved (`one_flight.py`). Only
 if it then explains all measurements better are all hits associated again, and it is kept only if it
-still does. The odometry may be the wrong one.
+still does, without the walls that it no longer needs (`fewer_walls.py`). The odometry may be the
+wrong one.
 """
 
 import itertools
@@ -105,12 +106,12 @@ class HypothesisSearch:
 
         It runs after the flight.
         """
+        estimate = yield from self._with_fewer_walls(estimate)
         estimate = yield from self._search_shifts(estimate)
         estimate = yield from self._search_revisits(estimate)
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
             estimate = yield from self._search_strained(length_s, estimate, tried)
-        estimate = yield from with_fewer_walls(self.smoother, estimate, self.m, self.prior)
         again = yield from settled(
             self.smoother, estimate.x.since(0), self.m, self.prior, self._narrow_gates
         )
@@ -179,9 +180,13 @@ class HypothesisSearch:
             again = yield from self.smoother.smoothing(
                 alternative.x, self.m, self.prior, alternative.gates
             )
+            again = yield from self._with_fewer_walls(again)
             if self._cost(again) < self._cost(estimate):
                 return again
         return None
+
+    def _with_fewer_walls(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        return with_fewer_walls(self.smoother, estimate, self.m, self.prior)
 
     def _strain(self, x: Unknowns) -> float:
         """χ² of odometry and gyro."""
