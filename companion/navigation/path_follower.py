@@ -24,6 +24,7 @@ from companion.safety.control_laws import (
     approach_speed,
     clamp,
     stay,
+    stopping_m,
     turn_towards,
 )
 from companion.safety.velocity_guard import clear_of_all_m
@@ -34,6 +35,8 @@ ARRIVED_M = 0.10
 """Arrival radius round the last corner of a path, m. Chosen."""
 CORNER_M = 0.15
 """Radius within which a corner of the path counts as passed, m. Chosen."""
+STRAIGHT_RAD = math.radians(1)
+"""A path that bends by less counts as straight, rad. Chosen."""
 ALONG_RAD = math.radians(12)
 """Maximum angle between a beam and the course for the beam to measure along it, rad. Chosen."""
 LOOKING = Beam.FRONT, Beam.LEFT, Beam.RIGHT
@@ -164,7 +167,11 @@ def _looking(bearing_rad: float, observation: Observation) -> Beam | None:
 
 def _bearing_rad(way: Way, observation: Observation) -> float:
     """Bearing to the next corner, rad."""
-    return math.atan2(way[0][1] - observation.pose.east_m, way[0][0] - observation.pose.north_m)
+    return _bearing_between_rad(observation.pose.ne_m, way[0])
+
+
+def _bearing_between_rad(from_ne_m: Vector2, to_ne_m: Vector2) -> float:
+    return math.atan2(to_ne_m[1] - from_ne_m[1], to_ne_m[0] - from_ne_m[0])
 
 
 def _towards(
@@ -180,13 +187,32 @@ def _towards(
     if course and abs(off_rad) < SWINGS_WITHIN_RAD:
         yaw_rate_rad_s = clamp(course.swing.rate_rad_s, most_rad_s)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
-    room_m = min(_room_ahead_m(bearing_rad, observation, plan), distance_m)
+    to_stop_m = distance_m + _beyond_corner_m(observation.pose.ne_m, way, observation.lag_s)
+    room_m = min(_room_ahead_m(bearing_rad, observation, plan), to_stop_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s, observation.lag_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
         speed_m_s * math.sin(off_rad),
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
+
+
+def _beyond_corner_m(here_ne_m: Vector2, way: Way, lag_s: float) -> float:
+    """Distance beyond the next corner, m, in which the drone may stop: 0 at the goal.
+
+    The drone turns `CORNER_M` before a corner. During the lag, and while it brakes, it still flies
+    across the next leg with v·sin(bend). It may go beyond that leg by `ARRIVED_M`.
+    """
+    beyond_m = 0.0
+    for before, corner, after in reversed(list(zip((here_ne_m, *way), way, way[1:], strict=False))):
+        bend_rad = wrap_rad(
+            _bearing_between_rad(corner, after) - _bearing_between_rad(before, corner)
+        )
+        across = math.sin(min(max(abs(bend_rad), STRAIGHT_RAD), math.pi / 2))
+        across_m_s = approach_speed(CORNER_M * across + ARRIVED_M, math.inf, lag_s)
+        in_turn_m = stopping_m(across_m_s / across, lag_s)
+        beyond_m = min(in_turn_m, math.dist(corner, after) + beyond_m)
+    return beyond_m
 
 
 def _room_ahead_m(bearing_rad: float, observation: Observation, plan: MissionConfig) -> float:

@@ -62,6 +62,11 @@ def approach_speed(room_m: float, most_m_s: float, lag_s: float) -> float:
     return min(most_m_s, BRAKING_M_S2 * (root - lag_s))
 
 
+def stopping_m(speed_m_s: float, lag_s: float) -> float:
+    """Return the distance, m, in which the drone stops: the inverse of `approach_speed`."""
+    return speed_m_s * lag_s + speed_m_s**2 / (2 * BRAKING_M_S2)
+
+
 def glide(place_ne_m: Vector2, pose: Pose, most_m_s: float, lag_s: float) -> Setpoint:
     """Fly straight to a nearby position at any heading, and hold it."""
     here = pose.ne_m

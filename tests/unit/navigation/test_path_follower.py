@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import (
     ARRIVED_M,
+    CORNER_M,
     Course,
     Way,
     faced,
@@ -161,3 +163,59 @@ def test_the_drone_stops_before_an_obstacle_on_the_path() -> None:
 def test_near_corners_of_the_path_are_passed() -> None:
     assert passed(((0.05, 0.0),), observation(), ARRIVED_M) == ()
     assert passed(((0.05, 0.0), (2.0, 0.0)), observation(), ARRIVED_M) == ((2.0, 0.0),)
+
+
+TICK_S = 0.05
+
+
+def flown(way: Way, lag_s: float) -> list[tuple[float, float]]:
+    """Places, one a tick, of a point mass whose velocity follows the setpoint with `lag_s`."""
+    place, velocity, places = 0j, 0j, [(0.0, 0.0)]
+    course, left = Course(math.atan2(way[0][1], way[0][0])), way
+    ground = open_ground(9.0)
+    while left and len(places) < 60 / TICK_S:
+        here = observation(places[-1], course.bearing_rad, 9.0, TICK_S * len(places))
+        here = replace(here, lag_s=lag_s)
+        left = passed(left, here, ARRIVED_M)
+        setpoint = followed(left, here, ground, course) if left else Setpoint()
+        wanted = complex(setpoint.forward_m_s, setpoint.right_m_s)
+        velocity += (wanted - velocity) * (1 - math.exp(-TICK_S / lag_s))
+        place += TICK_S * velocity
+        places.append((place.real, place.imag))
+    assert not left, "the drone did not arrive"
+    return places
+
+
+def to_path_m(place: tuple[float, float], way: Way) -> float:
+    """Distance to the nearest leg."""
+    legs = pairwise(complex(*corner) for corner in ((0.0, 0.0), *way))
+    from_legs_m = []
+    for start, end in legs:
+        along = (complex(*place) - start) / (end - start)
+        from_legs_m.append(abs(along - min(max(along.real, 0.0), 1.0)) * abs(end - start))
+    return min(from_legs_m)
+
+
+def bent(bend_deg: float, legs: int = 4, leg_m: float = 1.5) -> Way:
+    """A path that bends to the right and to the left in turn."""
+    corners, place = [], 0j
+    for leg in range(legs):
+        place += leg_m * complex(
+            math.cos(math.radians(bend_deg * (leg % 2))),
+            math.sin(math.radians(bend_deg * (leg % 2))),
+        )
+        corners.append((place.real, place.imag))
+    return tuple(corners)
+
+
+@pytest.mark.parametrize("lag_s", [0.2, 0.6])
+@pytest.mark.parametrize("bend_deg", [5, 10, 20, 45, 90, 120])
+def test_the_drone_keeps_to_the_path_at_its_corners(bend_deg: float, lag_s: float) -> None:
+    way = bent(bend_deg)
+    assert max(to_path_m(place, way) for place in flown(way, lag_s)) < CORNER_M + ARRIVED_M
+
+
+def test_the_drone_keeps_its_speed_at_small_bends() -> None:
+    straight, small, sharp = (len(flown(bent(bend_deg), 0.6)) for bend_deg in (0, 10, 90))
+    assert small < 1.1 * straight
+    assert sharp > 1.2 * straight

@@ -24,7 +24,7 @@ from tests.worlds import TWO_ROOMS
 
 pytestmark = pytest.mark.flights
 
-BATTERY_S = 100.0
+BATTERY_S = 90.0
 """Too short for two drones to see both rooms."""
 SETTINGS = settings.load(None, {"mission.kind": "building", "mission.time_limit_s": BATTERY_S})
 PADS = (PadConfig(), PadConfig(north_m=1.0, east_m=-2.0, heading_deg=90.0))
