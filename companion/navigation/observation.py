@@ -31,6 +31,8 @@ class Claim:
     """The mission is complete without it."""
     comes_first: bool
     """Of two drones that arrive at the same time, it goes on."""
+    from_ne_m: Vector2
+    """Where the teammate is."""
 
 
 @value

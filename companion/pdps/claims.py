@@ -4,7 +4,8 @@
 viewpoint whose targets a teammate sees sooner is left to it. Of two drones that are equally soon,
 the first by number goes. All decide by the same rule. Round a building, a drone goes to the
 viewpoints on its side that is turned away from its teammates, as long as there are any. So two
-drones go round opposite ways, until they meet at its far side.
+drones go round opposite ways, until they meet at its far side. Where a team flies over everything,
+each takes what it reaches sooner than all that are on their way.
 
 **Layers.** A drone tells in which layer it is, and which layers were seen.
 
@@ -23,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.arrays import Array
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2, to_nearest_m
 from companion.core.values import value
 from companion.navigation.grid_planner import ShortestPaths, find_ways
@@ -65,6 +66,14 @@ def on_own_side(
     ahead_m = np.min([metres[cells] for metres in theirs], axis=0) - ways.metres[cells]
     is_own = ahead_m >= ahead_m.max() - OWN_SIDE_SHARE * apart_m
     return tuple(look for look, own in zip(looks, is_own.tolist(), strict=True) if own)
+
+
+def sooner_reached(left: Mask, ways: ShortestPaths, claims: tuple[Claim, ...]) -> Mask:
+    """The masked cells that no teammate with a claim reaches sooner than this drone."""
+    own = left.copy()
+    for claim in claims:
+        own &= ways.metres <= _metres_from(claim.from_ne_m, ways)
+    return own
 
 
 def _metres_from(place_ne_m: Vector2, ways: ShortestPaths) -> Array:

@@ -1,10 +1,11 @@
 """State machine that flies over all free space once, so that the down beam detects low obstacles.
 
     CHOOSE ──not flown over yet──► GO ──arrived, or no path──► CHOOSE
-       └──all was──► DONE
+       └──all was, or others are nearer──► DONE
 
 The drone flies straight on as long as it covers new floor: a turn or a stop takes as long as a
-metre or two of flight. Along the walls, where most tables stand, the tracks are closer.
+metre or two of flight. Along the walls, where most tables stand, the tracks are closer. In a team
+it leaves to the others what they reach sooner.
 
 Safety: the drone flies only where `travel` does.
 """
@@ -31,6 +32,7 @@ from companion.navigation.grid_planner import (
 )
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel, TravelPhase, onward
+from companion.pdps.claims import sooner_reached
 from companion.pdps.frontiers import without_specks
 from companion.pdps.viewpoints import turn_rad
 from companion.safety.velocity_guard import clear_of_all_m
@@ -107,6 +109,7 @@ def _choose(
     here = observation.pose.ne_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at, observation, layer)
+    left = sooner_reached(left, ways, observation.claims)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)
     goal = onward(overfly.came, _goal(left, ways, observation, plan), NEAR_ENOUGH_M)

@@ -337,7 +337,8 @@ class Teammate:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
-        return Claim(places, left_s, state.is_extra, self._comes_first)
+        here_ne_m = self._in_own_frame(state.ne_m)
+        return Claim(places, left_s, state.is_extra, self._comes_first, here_ne_m)
 
     def explorer_ne_m(self, now_s: float) -> Vector2 | None:
         """Where it is; None unless it explores, and has more to do than extras."""

@@ -1,10 +1,11 @@
 """Tests that of several drones exactly one looks at a place."""
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.navigation.observation import Claim
-from companion.pdps.claims import is_claimed, on_own_side
+from companion.pdps.claims import is_claimed, on_own_side, sooner_reached
 from companion.pdps.viewpoints import Viewpoint
 from tests.grids import open_ground, sweep_round, ways_from
 
@@ -15,8 +16,10 @@ def look(north_m: float = 0.0) -> Viewpoint:
     return Viewpoint((0.0, 0.0), tuple((north + north_m, east) for north, east in PLACES))
 
 
-def claim(arrives_in_s: float, *, comes_first: bool) -> Claim:
-    return Claim(PLACES, arrives_in_s, False, comes_first)
+def claim(
+    arrives_in_s: float, *, comes_first: bool, from_ne_m: tuple[float, float] = (0.0, 0.0)
+) -> Claim:
+    return Claim(PLACES, arrives_in_s, False, comes_first, from_ne_m)
 
 
 @given(st.floats(0, 100), st.floats(0, 100))
@@ -62,3 +65,19 @@ def test_a_teammate_without_a_path_to_this_drone_is_on_no_side() -> None:
     sweep_round(grid, (0.0, 9.0), 2.0, hit=False)
     west, east = Viewpoint((0.0, -1.0), PLACES), Viewpoint((0.0, 1.0), PLACES)
     assert on_own_side((east, west), ways_from(grid, (0.0, 0.0)), ((0.0, 9.0),)) == (east, west)
+
+
+def test_each_cell_is_flown_over_by_the_drone_that_reaches_it_sooner() -> None:
+    """Both drones know the same space; the second stands 2 m east of the first."""
+    grid, places = open_ground(), ((0.0, 0.0), (0.0, 2.0))
+    of_each = [ways_from(grid, place) for place in places]
+    left = np.isfinite(of_each[0].metres)
+    first, second = (
+        sooner_reached(left, ways, (claim(0.0, comes_first=True, from_ne_m=there),))
+        for ways, there in zip(of_each, places[::-1], strict=True)
+    )
+    assert np.array_equal(first | second, left)
+    assert (first & second).sum() < 0.1 * first.sum()
+    cell = of_each[0].ground.grid.cell
+    assert first[cell((0.0, -2.0))]
+    assert second[cell((0.0, 3.0))]
