@@ -2,7 +2,9 @@
 
 jobs ─► one on each worker's thread ─► guarded run in a worker's process ─► results, as they come
 
-A job that kills its process is run once more, and then lost: it becomes a result that says why.
+Each job is given to a worker by name. Dask alone would queue a second job on a busy worker, and
+would blame both if its process dies. A job that kills its process is run once more, and then lost:
+it becomes a result that says why.
 After Ctrl-C the running jobs end, and the results so far are returned.
 """
 
@@ -11,7 +13,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
@@ -53,7 +56,6 @@ TELLS_S = 1.0
 """Time for the reason to reach the scheduler before the process ends, s. Chosen."""
 SCHEDULER_LOST = "the scheduler has ended; start it again, and run the same command"
 LOCAL = {
-    "distributed.scheduler.allowed-failures": MAX_TRIES - 1,
     # workers keep no results, and a job ends its own process in time, with a reason
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
@@ -174,59 +176,98 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """A run of a job on a worker."""
+
+    number: int
+    worker: str
+    """Address of the worker."""
+
+
 class _Batch(Generic[J]):
     """Submits jobs, one to each thread of the workers, so that a dying process takes only one."""
 
     def __init__(self, client: "Client", jobs: Sequence[J], guarded: "_Guarded[J, Any]") -> None:
         self._client, self._jobs, self._guarded = client, jobs, guarded
-        self._waiting = iter(range(len(jobs)))
-        self._running: dict[Future[Any], int] = {}
+        self._waiting = deque(range(len(jobs)))
+        self._tries = Counter[int]()
+        self._running: dict[Future[Any], _Run] = {}
 
     def results(self) -> Iterator[tuple[int, Any, str]]:
         """The number of each job, as it ends, with its result, or with the reason of its loss."""
-        from distributed import CancelledError, wait  # noqa: PLC0415 - slow to load
-
-        self._fill()
-        while self._running:
-            try:
-                ended = wait(list(self._running), timeout=CHECK_S, return_when="FIRST_COMPLETED")
-            except TimeoutError:
-                self._fill()  # workers may have joined
-                continue
-            except CancelledError as error:
-                raise CampaignError(SCHEDULER_LOST) from error
-            for future in ended.done:
-                yield self._ended(future)
-            self._fill()
+        while self._running or self._waiting:
+            threads = self._client.nthreads()  # of each worker that is alive
+            yield from self._on_dead_workers(threads)
+            self._fill(threads)
+            yield from self._next_ended()
 
     def rest(self) -> Iterator[tuple[int, Any, str]]:
         """The jobs that run at present, as they end; no new ones."""
-        self._waiting = iter(())
+        self._waiting.clear()
         yield from self.results()
 
-    def _fill(self) -> None:
-        threads = max(sum(self._client.nthreads().values()), 1)  # dead workers come back
-        while len(self._running) < threads:
-            number = next(self._waiting, None)
-            if number is None:
-                return
-            future = self._client.submit(self._guarded, self._jobs[number], pure=False)
-            self._running[future] = number
+    def _fill(self, threads: dict[str, int]) -> None:
+        """Give each idle thread a job."""
+        busy = Counter(run.worker for run in self._running.values())
+        for worker, number_of_threads in threads.items():
+            for _ in range(number_of_threads - busy[worker]):
+                if not self._waiting:
+                    return
+                number = self._waiting.popleft()
+                self._tries[number] += 1
+                job = self._jobs[number]
+                future = self._client.submit(self._guarded, job, pure=False, workers=[worker])
+                self._running[future] = _Run(number, worker)
 
-    def _ended(self, future: "Future[Any]") -> tuple[int, Any, str]:
+    def _on_dead_workers(self, alive: Container[str]) -> Iterator[tuple[int, Any, str]]:
+        """Take back the jobs of workers that have ended."""
+        for future, run in list(self._running.items()):
+            if run.worker not in alive and not future.done():
+                future.cancel()
+                yield from self._died(future)
+
+    def _next_ended(self) -> Iterator[tuple[int, Any, str]]:
+        """Wait for a job to end, but at most `CHECK_S`."""
+        from distributed import CancelledError, wait  # noqa: PLC0415 - slow to load
+
+        if not self._running:  # no worker is alive
+            time.sleep(CHECK_S)
+            return
+        try:
+            ended = wait(list(self._running), timeout=CHECK_S, return_when="FIRST_COMPLETED")
+        except TimeoutError:
+            return
+        except CancelledError as error:
+            raise CampaignError(SCHEDULER_LOST) from error
+        for future in ended.done:
+            yield from self._ended(future)
+
+    def _ended(self, future: "Future[Any]") -> Iterator[tuple[int, Any, str]]:
         from distributed import KilledWorker  # noqa: PLC0415 - slow to load
 
-        number = self._running.pop(future)
-        error = future.exception()
-        if error is None:
-            return number, future.result(), ""
-        if isinstance(error, KilledWorker):
-            told = [entry for _, entry in self._client.get_events(REASONS)]
-            reasons = {entry["key"]: entry["why"] for entry in told}
-            return number, None, reasons.get(future.key, "its process died")
-        if isinstance(error, CampaignError):
-            raise error
-        raise CampaignError(f"a worker cannot run the jobs: {type(error).__name__}: {error}")
+        try:
+            result = future.result(timeout=CONNECTS_S)
+        except (KilledWorker, TimeoutError):  # its process has ended, or ended with the result
+            yield from self._died(future)
+        except CampaignError:
+            raise
+        except Exception as error:
+            raise CampaignError(
+                f"a worker cannot run the jobs: {type(error).__name__}: {error}"
+            ) from error
+        else:
+            yield self._running.pop(future).number, result, ""
+
+    def _died(self, future: "Future[Any]") -> Iterator[tuple[int, Any, str]]:
+        """The job's process has ended: run it again, or give it up."""
+        number = self._running.pop(future).number
+        if self._tries[number] < MAX_TRIES:
+            self._waiting.append(number)
+            return
+        told = [entry for _, entry in self._client.get_events(REASONS)]
+        reasons = {entry["key"]: entry["why"] for entry in told}
+        yield number, None, reasons.get(future.key, "its process died")
 
 
 @dataclass(frozen=True, slots=True)
