@@ -44,7 +44,7 @@ def test_two_drones_trace_a_room_in_less_time_than_one(sitl: Sitl) -> None:
 def test_equal_seeds_give_equal_flights(sitl: Sitl, tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
     path.write_text(ROOM)
-    short = {"mission.time_limit_s": 40.0, "mission.reserve_s": 0.0}
+    short = {"mission.time_limit_s": 25.0, "mission.reserve_s": 0.0}
     first, second = (sitl.fly_team(str(path), seed=4, settings=short) for _ in range(2))
     assert first.plan.walls
     assert first.plan == second.plan
