@@ -104,14 +104,17 @@ class HypothesisSearch:
     def final_search(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Search offset stretches, repeated visits, and the stretches that strain odometry most.
 
-        It runs after the flight.
+        It runs after the flight. `estimate` has settled with the same gates.
         """
+        before = estimate
         estimate = yield from self._with_fewer_walls(estimate)
         estimate = yield from self._search_shifts(estimate)
         estimate = yield from self._search_revisits(estimate)
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
             estimate = yield from self._search_strained(length_s, estimate, tried)
+        if estimate is before:
+            return estimate
         again = yield from settled(
             self.smoother, estimate.x.since(0), self.m, self.prior, self._narrow_gates
         )
