@@ -98,6 +98,28 @@ def allowed_above(
     return free.layer_above(low_ne_m(len(below)), highest)
 
 
+class AllowedAbove:
+    """`allowed_above` in flight: made anew only when a layer or a low place has changed."""
+
+    def __init__(self) -> None:
+        self._of: object = None
+        """The layers, those that were seen, and the low places of each."""
+        self._grid = Occupancy()
+
+    def of(
+        self,
+        layers: Sequence[Occupancy],
+        seen: Collection[int],
+        low_ne_m: Callable[[int], Sequence[Vector2]],
+    ) -> Occupancy:
+        """As `allowed_above`; neither the layers nor the result may be changed."""
+        low = {number: low_ne_m(number) for number in range(1, len(layers))}
+        given = list(layers), frozenset(seen), low
+        if given != self._of:
+            self._of, self._grid = given, allowed_above(layers, seen, low.__getitem__)
+        return self._grid
+
+
 def _openings_ne_m(grid: Occupancy) -> Array:
     """(n, 2): places of a map that are free, but not in a disc of free space, m."""
     free = binary_closing(grid.free, iterations=GAP_CELLS + 1) & ~grid.occupied

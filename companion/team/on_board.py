@@ -8,6 +8,7 @@ A drone that flies alone has no such object.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,7 +21,7 @@ from companion.core.messages import Beam, Pose, RangeScan
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
 from companion.estimation.smoothing.state import Unknowns
-from companion.mapping.joined_grid import allowed_above
+from companion.mapping.joined_grid import AllowedAbove
 from companion.mapping.low_ceilings import Overhead
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
@@ -48,6 +49,8 @@ radius, and the errors of the place that it holds and of the map."""
 LAYERS_APART_M = 0.7
 """Least height between two layers of a team, m. Chosen: beyond `MIN_VERTICAL_M`, by the errors of
 two heights."""
+NOT_BEGUN = Occupancy()
+"""The own grid of a layer in which this drone has not been; nobody changes it."""
 
 
 @value
@@ -90,6 +93,8 @@ class OnBoardTeam:
         self._now_s = 0.0
         self._low: dict[float, tuple[float, tuple[Vector2, ...]]] = {}
         """Places where something hangs lower than a height, m, and when they were found, s."""
+        self._allowed: defaultdict[int, AllowedAbove] = defaultdict(AllowedAbove)
+        """Where each layer may be flown."""
 
     @classmethod
     def of(
@@ -139,7 +144,7 @@ class OnBoardTeam:
 
     def view(self, now_s: float, own: Own) -> TeamView:
         """What the missions know of the teammates."""
-        view = self.mates.view(now_s, own.layer)
+        view = self.mates.view(now_s, own.layer, goes_home=layer_of(own.flight) is None)
         if self._mission.kind == "layers":
             view["team_layers"] = self.mates.layers(now_s, partial(self.space, own))
         return view
@@ -148,9 +153,10 @@ class OnBoardTeam:
         """The joined map of a layer, by default of the present one, and where it may be flown."""
         layer = own.layer if layer is None else layer
         own_grids = [*(space.grid for space in own.spaces[: layer + 1])]
-        own_grids += [Occupancy() for _ in range(layer + 1 - len(own_grids))]
+        own_grids += [NOT_BEGUN] * (layer + 1 - len(own_grids))
         grids = [self.mates.joined(grid, number) for number, grid in enumerate(own_grids)]
-        return allowed_above(grids, own.flight.layers.seen, partial(self._low_ne_m, own))
+        seen, low_ne_m = own.flight.layers.seen, partial(self._low_ne_m, own)
+        return self._allowed[layer].of(grids, seen, low_ne_m)
 
     def _low_ne_m(self, own: Own, layer: int) -> tuple[Vector2, ...]:
         """Places where something hangs too low for a layer."""

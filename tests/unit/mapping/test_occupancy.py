@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.mapping.joined_grid import JoinedGrid, allowed_above, joined
+from companion.mapping.joined_grid import AllowedAbove, JoinedGrid, allowed_above, joined
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.mapping.rays import Ray
 from tests.grids import sweep_round
@@ -165,3 +165,22 @@ def test_a_doorway_of_the_lowest_layer_is_shut_above_until_that_was_seen() -> No
         assert grid.allowed[grid.cell((0.0, 0.0))]
         assert grid.allowed[grid.cell((5.0, 0.0))]
         assert grid.allowed[grid.cell((2.5, 0.0))] == bool(was_seen)
+
+
+def test_in_flight_a_layer_follows_those_below_what_was_seen_and_what_hangs_low() -> None:
+    above = AllowedAbove()
+    low: tuple[tuple[float, float], ...] = ()
+
+    def is_allowed(layers: tuple[Occupancy, ...], was_seen: tuple[int, ...] = ()) -> bool:
+        grid = above.of(layers, was_seen, lambda _: low)
+        assert grid is above.of(layers, was_seen, lambda _: low)
+        return bool(grid.allowed[grid.cell((0.0, 3.5))])
+
+    highest = Occupancy()
+    wide, narrow = swept((0.0, 0.0), (0.0, 3.0)), swept((0.0, 0.0))
+    assert not is_allowed((narrow, highest))
+    assert is_allowed((wide, highest))
+    assert is_allowed((wide, narrow, highest))
+    assert not is_allowed((wide, narrow, highest), (1,))
+    low = ((0.0, 3.5),)
+    assert not is_allowed((wide, highest))
