@@ -60,6 +60,8 @@ class DoorwayClaim:
     away_m: float
     """Distance of the teammate from its middle, m."""
     comes_first: bool
+    goes_home: bool = False
+    """It has no part of the mission any more."""
 
 
 @value
@@ -126,6 +128,8 @@ class Observation:
     """Teammates that trace the same room."""
     doorway_claims: tuple[DoorwayClaim, ...] = ()
     """Doorways of the teammates at the same height."""
+    goes_home: bool = False
+    """True in a team if this drone has no part of the mission any more."""
     team_layers: TeamLayers | None = None
     """None for a drone that flies alone, and in other missions."""
 

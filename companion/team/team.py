@@ -51,6 +51,7 @@ class TeamView(TypedDict, total=False):
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
     doorway_claims: tuple[DoorwayClaim, ...]
+    goes_home: bool
     team_layers: TeamLayers
 
 
@@ -170,8 +171,11 @@ class Team:
         heard = (mate.heard(now_s, drone) for drone, mate in self._mates.items())
         return tuple(each for each in heard if each is not None)
 
-    def view(self, now_s: float, layer: int = 0) -> TeamView:
-        """What the missions know of the teammates. `layer`: the layer in which this drone is."""
+    def view(self, now_s: float, layer: int = 0, *, goes_home: bool = False) -> TeamView:
+        """What the missions know of the teammates.
+
+        `layer`: the layer in which this drone is. `goes_home`: it has no part of the mission.
+        """
         claims = (mate.claim(now_s, layer) for mate in self._mates.values())
         explorers = (mate.explorer_ne_m(now_s) for mate in self._mates.values())
         tracings = (mate.tracing(now_s) for mate in self._mates.values())
@@ -182,6 +186,7 @@ class Team:
             claims=tuple(each for each in claims if each is not None),
             tracings=tuple(each for each in tracings if each is not None),
             doorway_claims=tuple(each for each in doorways if each is not None),
+            goes_home=goes_home,
         )
 
     def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:

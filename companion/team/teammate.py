@@ -326,7 +326,8 @@ class Teammate:
         if state.doorway_ne_m is None or state.layer not in (None, layer):
             return None
         away_m = math.dist(state.ne_m, state.doorway_ne_m)
-        return DoorwayClaim(self._in_own_frame(state.doorway_ne_m), away_m, self._comes_first)
+        middle_ne_m, goes_home = self._in_own_frame(state.doorway_ne_m), state.layer is None
+        return DoorwayClaim(middle_ne_m, away_m, self._comes_first, goes_home)
 
     def claim(self, now_s: float, layer: int) -> Claim | None:
         """What it goes to look at in a layer; None if nothing, or if it is not heard any more."""

@@ -11,7 +11,7 @@ from companion.navigation import travel as travelling
 from companion.navigation.doorway_claims import MAX_WAIT_S, claimed, waiting
 from companion.navigation.doorways import Doorway
 from companion.navigation.observation import DoorwayClaim, Observation
-from companion.navigation.travel_state import Travel
+from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.flight.state import FlightState, Phase
 from companion.pdps.layers import Layers, LayersPhase
 from tests.grids import PLAN, open_ground
@@ -42,6 +42,26 @@ def test_one_of_two_drones_waits_and_the_other_goes(
     assert not (first_waits and second_waits)
     if 0.8 < beyond_m < 1.95:
         assert first_waits or second_waits
+
+
+@given(st.floats(0.8, 1.95), st.floats(0.8, 1.95), st.booleans())
+def test_a_drone_that_flies_home_goes_first(
+    before_m: float, beyond_m: float, first_has_priority: bool
+) -> None:
+    first = DoorwayClaim((3.0, 0.0), before_m, first_has_priority, goes_home=True)
+    second = DoorwayClaim((3.0, 0.0), beyond_m, not first_has_priority)
+    assert not waits(THERE, replace(at(3.0 - before_m, second), goes_home=True))
+    assert waits(BACK, at(3.0 + beyond_m, first))
+
+
+def test_a_drone_that_flies_home_waits_for_one_in_the_doorway() -> None:
+    inside = DoorwayClaim((3.0, 0.0), 0.2, comes_first=False)
+    assert waits(THERE, replace(at(1.5, inside), goes_home=True))
+
+
+def test_a_drone_that_looks_for_its_way_claims_no_doorway() -> None:
+    assert claimed(THERE, (2.0, 0.0)) == DOORWAY
+    assert claimed(replace(THERE, phase=TravelPhase.SWEEP), (2.0, 0.0)) is None
 
 
 def test_a_drone_waits_at_its_place_until_the_other_has_passed() -> None:
