@@ -131,9 +131,9 @@ def _true_association(
         start, end = to_local(np.array(surface), truth)
         normal = np.array([start[1] - end[1], end[0] - start[0]]) / math.dist(start, end)
         for side in (normal, -normal):  # a partition has one wall per side
-            range_m = _range_m(poses[:, :2], beams, (start, end), side)
-            hits = range_m < nearest
-            nearest[hits] = range_m[hits]
+            met_m = range_m(poses[:, :2], beams, (start, end), side)
+            hits = met_m < nearest
+            nearest[hits] = met_m[hits]
             wall_of[hits] = _number(walls, side, float(start @ side))
     normals = np.array([(math.cos(alpha), math.sin(alpha)) for alpha, _ in walls])
     cos_incidence = (beams * normals[wall_of]).sum(axis=1)
@@ -151,17 +151,17 @@ def _true_association(
     return np.array(walls)[used], wall_of
 
 
-def _range_m(eyes: Array, beams: Array, segment: tuple[Array, Array], normal: Array) -> Array:
+def range_m(eyes: Array, beams: Array, segment: tuple[Array, Array], normal: Array) -> Array:
     """Range from each eye (n, 2) along its beam to the segment, m; inf if the beam misses."""
     start, end = segment
     towards = beams @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
-        range_m = ((start - eyes) @ normal) / towards
-        share = ((eyes + range_m[:, None] * beams - start) @ (end - start)) / math.dist(
+        ahead_m = ((start - eyes) @ normal) / towards
+        share = ((eyes + ahead_m[:, None] * beams - start) @ (end - start)) / math.dist(
             start, end
         ) ** 2
-    hits = (towards > 0) & (range_m > 0) & (share >= 0) & (share <= 1)
-    return np.where(hits, range_m, np.inf)
+    hits = (towards > 0) & (ahead_m > 0) & (share >= 0) & (share <= 1)
+    return np.where(hits, ahead_m, np.inf)
 
 
 def _number(walls: list[tuple[float, float]], normal: Array, offset_m: float) -> int:
