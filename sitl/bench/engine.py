@@ -193,6 +193,7 @@ class _Batch(Generic[J]):
         self._waiting = deque(range(len(jobs)))
         self._tries = Counter[int]()
         self._running: dict[Future[Any], _Run] = {}
+        self._is_ending = False
 
     def results(self) -> Iterator[tuple[int, Any, str]]:
         """The number of each job, as it ends, with its result, or with the reason of its loss."""
@@ -204,6 +205,7 @@ class _Batch(Generic[J]):
 
     def rest(self) -> Iterator[tuple[int, Any, str]]:
         """The jobs that run at present, as they end; no new ones."""
+        self._is_ending = True
         self._waiting.clear()
         yield from self.results()
 
@@ -263,7 +265,8 @@ class _Batch(Generic[J]):
         """The job's process has ended: run it again, or give it up."""
         number = self._running.pop(future).number
         if self._tries[number] < MAX_TRIES:
-            self._waiting.append(number)
+            if not self._is_ending:
+                self._waiting.append(number)
             return
         told = [entry for _, entry in self._client.get_events(REASONS)]
         reasons = {entry["key"]: entry["why"] for entry in told}
