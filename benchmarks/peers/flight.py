@@ -32,8 +32,8 @@ from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
 
 LIDAR_BEAMS, LIDAR_MAX_M, LIDAR_SIGMA_M = 360, 12.0, 0.01
-"""A LIDAR of the price of a whole drone: SLAMTEC RPLIDAR A1M8, range 12 m, resolution below 0.5 mm
-and accuracy 1 % of the distance (datasheet v3.0); the noise is that at one metre."""
+"""Beams, range, m, and sigma of a LIDAR. Chosen: the range of common small ones; the noise does not
+grow with the distance, which favours the others."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class PeerFlight:
     plan: FloorPlan
     """Our own map and path."""
     cpu_s: float
-    """Processor time of the companion, with the map after landing."""
+    """Processor time of the companion in flight, s, without the map after landing."""
     times_s: Array
     """(k,)."""
     lidar_m: Array
@@ -56,10 +56,10 @@ class PeerFlight:
     clean_m: Array
     """(k, 360): the same without noise."""
 
-    @cached_property
-    def true_poses(self) -> Array:
-        """(k, 3): north, east, yaw in the take-off frame."""
-        return TruePoses.at(self.truth, self.times_s).poses
+    @property
+    def air_s(self) -> float:
+        """Time from the first keyframe to the last, s."""
+        return float(self.times_s[-1] - self.times_s[0])
 
     @cached_property
     def odometry(self) -> FloorPlan:

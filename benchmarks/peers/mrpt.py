@@ -170,10 +170,9 @@ def estimated(program: Program, log: Path, keyframes: int) -> Estimated:
     memory_mb = np.loadtxt(out / "log_MemoryUsage.txt", ndmin=2)[:, 1].max() / 1e6
     path = np.loadtxt(out / "log_estimated_path.txt", ndmin=2)
     poses = path[:, (1, 2, 4 if path.shape[1] > 5 else 3)] * (1, -1, -1)
-    if not len(poses):
-        raise PeerError(f"{program.title}: no path in {out}")
-    numbers = np.linspace(0, len(poses) - 1, keyframes).round().astype(int)
-    return Estimated(poses[numbers], cpu_s, memory_mb)
+    if len(poses) != keyframes:
+        raise PeerError(f"{program.title}: {len(poses)} poses for {keyframes} scans, in {out}")
+    return Estimated(poses, cpu_s, memory_mb)
 
 
 def _run(command: list[str]) -> float:

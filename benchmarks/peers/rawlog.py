@@ -13,6 +13,7 @@ from struct import pack
 
 import numpy as np
 
+from benchmarks.peers.flight import LIDAR_SIGMA_M
 from companion.core.arrays import Array
 from companion.core.messages import Beam
 from companion.estimation.smoothing.range_noise import BEAMS
@@ -26,7 +27,6 @@ NOISE = 0.01, math.degrees(0.001), math.radians(1.0), 0.05, 0.01, math.radians(0
 """MRPT's default noise of odometry, which fits a drone's optical flow: 1 % and 1 cm a step."""
 SAMPLES = 300, 0.05, math.radians(4), 0.01, math.degrees(0.0001), 0.001, math.radians(0.05)
 """MRPT's defaults of its other noise model, which is not used."""
-SIGMA_M = 0.01
 
 
 def write_lidar(path: Path, times_s: Array, odometry: Array, lidar_m: Array, max_m: float) -> None:
@@ -87,7 +87,7 @@ def _scan(ranges_m: Array, max_m: float, tick: int) -> bytes:
         + pack("<I", count)
         + np.where(is_valid, ranges_m, max_m).astype("<f4").tobytes()
         + is_valid.astype(np.uint8).tobytes()
-        + pack("<fQf", SIGMA_M, tick, 0.0)
+        + pack("<fQf", LIDAR_SIGMA_M, tick, 0.0)
         + pack("<I", 0)  # no label
         + pack("<d?", 0.0, False),
     )
