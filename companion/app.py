@@ -244,7 +244,7 @@ class App:
                 self._standoff_m(round(wander_m, 2)),
                 self._bearings_frd_rad,
                 wall,
-                self.estimator.known_walls if self.estimator else KnownWalls.none,
+                self._known_walls,
                 self._lag.lag_s,
                 wander_m,
                 around.lane,
@@ -332,6 +332,11 @@ class App:
             self.heights.floor_m,
             self.heights.tops(),
         )
+
+    def _known_walls(self) -> KnownWalls:
+        if self.team:
+            return self.team.known_walls(self._own)
+        return self.estimator.known_walls() if self.estimator else KnownWalls.none()
 
     def _walls(self) -> tuple[WallSegment, ...]:
         return _segments(self.estimator.so_far()) if self.estimator else ()

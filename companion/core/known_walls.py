@@ -1,7 +1,7 @@
 """The mapped walls with their joint covariance."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,6 +54,19 @@ class KnownWalls:
         """(w,): sigmas of the walls' offsets."""
         sigmas_m: Array = np.sqrt(np.diag(self.covariance_m2))
         return sigmas_m
+
+    def with_measured(self, sigmas_m: Array) -> "KnownWalls":
+        """These walls after an independent measurement of each offset, with sigmas (w,), m.
+
+        Infinite: not measured. Only the covariance changes, as in a Kalman update.
+        """
+        measured = np.flatnonzero(np.isfinite(sigmas_m))
+        if not len(measured):
+            return self
+        of_measured = self.covariance_m2[:, measured]
+        innovation_m2 = of_measured[measured] + np.diag(sigmas_m[measured] ** 2)
+        gained_m2 = of_measured @ np.linalg.solve(innovation_m2, of_measured.T)
+        return replace(self, covariance_m2=self.covariance_m2 - gained_m2)
 
     def distances_m(self, places_ne_m: Array) -> Array:
         """(p, w): perpendicular distances from positions (p, 2) to the walls; < 0 from behind."""

@@ -13,6 +13,8 @@ does not contain has no match, or a residual that the Cauchy loss limits.
 """
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,7 +43,7 @@ def refined_start(flight: Unknowns, known: Unknowns, start: Array, sigma: Array)
     """
     refined = start.copy()
     for _ in range(ROUNDS):
-        rows = [*_matches(moved_to(flight, refined), known, refined)]
+        rows = [*_residuals(moved_to(flight, refined), known, refined)]
         residuals = np.array([(refined - start) / sigma]).ravel()
         jacobian = np.diag(1 / sigma)
         if rows:
@@ -55,15 +57,25 @@ def refined_start(flight: Unknowns, known: Unknowns, start: Array, sigma: Array)
     return refined
 
 
-def _matches(placed: Unknowns, known: Unknowns, start: Array) -> list[tuple[float, Array]]:
-    """Residuals of the matched walls, in sigmas, with their gradients (3,) by the start."""
-    rows: list[tuple[float, Array]] = []
-    for wall in range(len(placed.walls)):
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A wall of a flight, and the known wall nearest to it."""
+
+    wall: int
+    known: int
+    turn_rad: float
+    """Direction of the known wall, from that of the flight's wall."""
+    apart_m: float
+    """Distance of the middle of the flight's wall beyond the known wall."""
+    middle_ne_m: Array
+    """(2,): middle of the flight's wall."""
+
+
+def matches(placed: Unknowns, known: Unknowns) -> Iterator[Match]:
+    """The walls of a flight that have a known wall near, with the nearest one."""
+    for wall, (normal, tangent) in enumerate(zip(placed.normals, placed.tangents, strict=True)):
         normal_rad = float(placed.walls[wall, 0])
-        middle = (
-            placed.walls[wall, 1] * placed.normals[wall]
-            + placed.reach_m[wall].mean() * placed.tangents[wall]
-        )
+        middle = placed.walls[wall, 1] * normal + placed.reach_m[wall].mean() * tangent
         turn_rad = wrap_rad(known.walls[:, 0] - normal_rad)
         apart_m = known.normals @ middle - known.walls[:, 1]
         along_m = known.tangents @ middle
@@ -76,16 +88,14 @@ def _matches(placed: Unknowns, known: Unknowns, start: Array) -> list[tuple[floa
         if not fits.any():
             continue
         nearest = int(np.where(fits, np.abs(apart_m), np.inf).argmin())
-        normal = known.normals[nearest]
-        arm = middle - start[:YAW]
-        by_yaw = float(normal @ (-arm[1], arm[0]))
-        rows.append(
-            (
-                float(-turn_rad[nearest]) / DIRECTION_SIGMA_RAD,
-                np.array([0.0, 0.0, 1.0]) / DIRECTION_SIGMA_RAD,
-            )
-        )
-        rows.append(
-            (float(apart_m[nearest]) / OFFSET_SIGMA_M, np.array([*normal, by_yaw]) / OFFSET_SIGMA_M)
-        )
-    return rows
+        yield Match(wall, nearest, float(turn_rad[nearest]), float(apart_m[nearest]), middle)
+
+
+def _residuals(placed: Unknowns, known: Unknowns, start: Array) -> Iterator[tuple[float, Array]]:
+    """Residuals of the matched walls, in sigmas, with their gradients (3,) by the start."""
+    for match in matches(placed, known):
+        by_turn = np.array([0.0, 0.0, 1.0])
+        yield -match.turn_rad / DIRECTION_SIGMA_RAD, by_turn / DIRECTION_SIGMA_RAD
+        normal, arm = known.normals[match.known], match.middle_ne_m - start[:YAW]
+        by_offset = np.array([*normal, normal @ (-arm[1], arm[0])])
+        yield match.apart_m / OFFSET_SIGMA_M, by_offset / OFFSET_SIGMA_M

@@ -24,10 +24,10 @@ from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.mapping.redrawn_grid import RAY_COLUMNS
 
-VERSION = 3
+VERSION = 4
 """Version of the messages; a drone drops those of another version."""
-MAX_PACKET_BYTES = 8000
-"""A longer packet is dropped. Chosen: the longest message, 400 walls, has 6400 and a header."""
+MAX_PACKET_BYTES = 8200
+"""A longer packet is dropped. Chosen: the longest message, 400 walls, has 8000 and a header."""
 MAX_PLACES = 64
 """Most places of a target. Chosen."""
 
@@ -87,9 +87,9 @@ class State(Struct, tag="state", frozen=True, array_like=True):
 class WallLines(Struct, tag="walls", frozen=True, array_like=True):
     """All walls of a drone."""
 
-    rows: Annotated[bytes, Meta(max_length=6400)]
-    """float32 (w, 4): direction of the normal, rad, offset, and reach along the wall from and to,
-    m; as in `Unknowns`."""
+    rows: Annotated[bytes, Meta(max_length=8000)]
+    """float32 (w, 5): direction of the normal, rad, offset, reach along the wall from and to, m, as
+    in `Unknowns`, and sigma of the offset, m."""
 
 
 class MapPiece(Struct, tag="piece", frozen=True, array_like=True):

@@ -17,6 +17,7 @@ import numpy as np
 
 from companion.config.settings import Config
 from companion.core.frames import Vector2, frd_to_ned
+from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, RangeScan
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
@@ -149,6 +150,12 @@ class OnBoardTeam:
             view["team_layers"] = self.mates.layers(now_s, partial(self.space, own))
         return view
 
+    def known_walls(self, own: Own) -> KnownWalls:
+        """All walls of this drone, as well as they are known to the team."""
+        if own.estimator is None:
+            return KnownWalls.none()
+        return self.mates.with_measured(own.estimator.known_walls(), walls_of(own.estimator))
+
     def space(self, own: Own, layer: int | None = None) -> Occupancy:
         """The joined map of a layer, by default of the present one, and where it may be flown."""
         layer = own.layer if layer is None else layer
@@ -181,7 +188,7 @@ class OnBoardTeam:
             own.spaces,
             own.layer,
             own.estimator.record.poses,
-            partial(walls_of, own.estimator),
+            own.estimator.known_walls,
             partial(track_of, own.flight) if kind == "room" else None,
             partial(own.overhead.heights, own.ceiling_m) if kind == "layers" else None,
         )

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from companion.core.arrays import Array
+from companion.core.known_walls import KnownWalls
 from companion.core.values import value
-from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import (
     Body,
@@ -57,7 +57,7 @@ class OwnMap:
     """The layer in which it flies."""
     keyframes: Array
     """(k, 3): north, east, yaw."""
-    walls: Callable[[], Unknowns]
+    walls: Callable[[], KnownWalls]
     """Returns its walls; called only when they are needed."""
     track: Callable[[], Track] | None
     """Returns its round of the room; None in other missions."""
@@ -95,8 +95,7 @@ class Sharing:
             yield state()
         if now_s - self._walls_s >= WALLS_PERIOD_S:
             self._walls_s = now_s
-            known = own.walls()
-            yield WallLines(pack_floats(np.hstack([known.walls, known.reach_m])[:MAX_WALLS]))
+            yield _wall_lines(own.walls())
         if now_s - self._keyframes_s >= KEYFRAMES_PERIOD_S and len(own.keyframes):
             self._keyframes_s = now_s
             yield self._block(own.keyframes)
@@ -152,3 +151,9 @@ class Sharing:
         first, last = int(rays[0, 0]), int(rays[-1, 0])
         poses = own.keyframes[first : last + 1]
         return MapPiece(number, first, pack_floats(poses), pack_rays(rays, first), layer)
+
+
+def _wall_lines(walls: KnownWalls) -> WallLines:
+    north, east = walls.normals.T
+    rows = [np.arctan2(east, north), walls.offsets_m, *walls.reach_m.T, walls.sigmas_m]
+    return WallLines(pack_floats(np.column_stack(rows)[:MAX_WALLS]))

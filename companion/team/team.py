@@ -20,6 +20,7 @@ import numpy as np
 from companion.config.team import MAX_DRONES, TeamConfig
 from companion.core.arrays import Array
 from companion.core.frames import Vector2
+from companion.core.known_walls import KnownWalls
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
@@ -204,6 +205,15 @@ class Team:
         """(n, 2): places of a layer that the teammates have flown over."""
         flown = (mate.flown_ne_m(layer) for mate in self._credible)
         return np.vstack([np.empty((0, 2)), *flown])
+
+    def with_measured(self, known: KnownWalls, walls: Unknowns) -> KnownWalls:
+        """The walls of this drone as the joint map will know them.
+
+        What teammates have measured is not measured again. `walls`: the same, for matching.
+        """
+        for mate in self._mates.values():
+            known = known.with_measured(mate.measured_m(walls))
+        return known
 
     @property
     def _credible(self) -> list[Teammate]:

@@ -14,7 +14,8 @@ import numpy as np
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, frd_to_ned, moved, places_moved_to, poses_moved_to
 from companion.core.values import value
-from companion.estimation.placement import refined_start
+from companion.estimation.placement import matches, refined_start
+from companion.estimation.smoothing.joint import moved_to
 from companion.estimation.smoothing.state import YAW, Unknowns
 from companion.mapping.joined_grid import centres, contradicted
 from companion.mapping.occupancy import Occupancy
@@ -122,6 +123,7 @@ class Teammate:
         self._latest: dict[type[Body], int] = {}
         """Number of the latest packet of each kind."""
         self._walls: Unknowns | None = None
+        self._wall_sigmas_m = np.empty(0)
         self._pending: dict[int, MapPiece] = {}
         self.pieces = 0
         """Number of map pieces that have arrived, from the first on."""
@@ -150,10 +152,12 @@ class Teammate:
         Raises:
             PacketError: they are invalid.
         """
-        rows = unpack_floats(walls.rows, 4)
+        rows = unpack_floats(walls.rows, 5)
+        if not (rows[:, 4] > 0).all():
+            raise PacketError("the sigma of a wall is not positive")
         known = Unknowns.at(np.zeros((1, 3)), 0.0)
-        known.add_walls(rows[:, :2], rows[:, 2:])
-        self._walls = known
+        known.add_walls(rows[:, :2], rows[:, 2:4])
+        self._walls, self._wall_sigmas_m = known, rows[:, 4]
 
     def hear_piece(self, piece: MapPiece) -> None:
         """Take a piece of its map; pieces are drawn in their order.
@@ -224,6 +228,15 @@ class Teammate:
         self._is_aligned = True
         self._correct()
         return True
+
+    def measured_m(self, walls: Unknowns) -> Array:
+        """(w,): how well it has measured each of the own walls: sigmas, m; else infinite."""
+        sigmas_m = np.full(len(walls.walls), math.inf)
+        if self._walls is not None and self._is_aligned and self.is_credible:
+            for match in matches(moved_to(self._walls, self.start), walls):
+                sigma_m = self._wall_sigmas_m[match.wall]
+                sigmas_m[match.known] = min(sigmas_m[match.known], sigma_m)
+        return sigmas_m
 
     def contradicts(self, space: Occupancy, layer: int) -> bool:
         """Compare its map with the own grid of a layer; True if it is found not credible now."""

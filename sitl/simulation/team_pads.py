@@ -6,6 +6,7 @@ Each drone is told where the pads are, and stands some centimetres and degrees o
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -26,8 +27,9 @@ PADS_APART_M, MAX_PADS_APART_M, PAD_STEP_M = 2.0, 6.0, 0.25
 tried, m. Chosen: a drone climbs while its neighbour waits."""
 PAD_BEARINGS = 24
 """Bearings from the start that are tried for a pad. Chosen."""
-PAD_CLEAR_M = 0.25
-"""Least clearance of a hull over a pad and on the way to it, m. Chosen."""
+PAD_CLEAR_M = (0.4, 0.35, 0.3, 0.25)
+"""Clearances of a hull over a pad and on the way to it, m, tried in this order. Chosen: the first
+is that of a start; nearer to a wall a drone returns only slowly."""
 
 
 def team_setups(setup: Setup, settings: Config, drones: int) -> tuple[list[Setup], list[Config]]:
@@ -81,17 +83,17 @@ def team_pads(setup: Setup, height_m: float, drones: int) -> tuple[PadConfig, ..
     start_ne_m = take_off.position_ned_m[0], take_off.position_ned_m[1]
     model = WorldModel(setup.world)
 
-    def is_free(offset: Vector2) -> bool:
+    def is_free(offset: Vector2, clear_m: float) -> bool:
         """True if the way up from the pad, and from there to above the start, is free."""
         pad = moved(start_ne_m, offset, take_off.yaw_rad)
         ways = (moved(start_ne_m, (s * offset[0], s * offset[1]), take_off.yaw_rad) for s in _WAY)
         places = [(*pad, -s * height_m) for s in _WAY] + [(*place, -height_m) for place in ways]
-        return all(model.clearance_m(place) > BODY_RADIUS_M + PAD_CLEAR_M for place in places)
+        return all(model.clearance_m(place) > BODY_RADIUS_M + clear_m for place in places)
 
     chosen: list[Vector2] = [(0.0, 0.0)]
-    for offset in _candidates():
+    for clear_m, offset in product(PAD_CLEAR_M, _candidates()):
         is_apart = all(math.dist(offset, each) > PADS_APART_M - 1e-3 for each in chosen)
-        if len(chosen) < drones and is_apart and is_free(offset):
+        if len(chosen) < drones and is_apart and is_free(offset, clear_m):
             chosen.append(offset)
     if len(chosen) < drones:
         raise SitlError(

@@ -8,6 +8,7 @@ import numpy as np
 from companion.config.team import PadConfig, TeamConfig
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, along
+from companion.core.known_walls import KnownWalls
 from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.rays import Ray
 from companion.mapping.redrawn_grid import RedrawnGrid
@@ -18,6 +19,7 @@ from companion.team.team import Team
 HALF_M = 3.0
 """The room is 6 m wide, with the first drone's start in the middle."""
 PADS = (PadConfig(), PadConfig(north_m=1.0, east_m=0.5, heading_deg=90.0))
+WALL_SIGMA_M = 0.02
 WALLS_RAD = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
 
 
@@ -94,12 +96,23 @@ class Member:
         self.team = Team(config(drone))
         self.grid, keyframes = space_of(drone, turns)
         self.walls = walls_of(drone, off)
-        self.own = OwnMap((self.grid,), 0, keyframes, lambda: self.walls, None)
+        self.sigmas_m = np.full(4, WALL_SIGMA_M)
+        """Of the offsets of its walls, independent of each other."""
+        self.own = OwnMap((self.grid,), 0, keyframes, self.known_walls, None)
 
     def move(self, off_ne_m: Vector2) -> None:
         """Stand off the pad, in the frame of the first drone, and turn there."""
         self.grid, keyframes = space_of(2, len(self.own.keyframes), off_ne_m)
-        self.own = OwnMap((self.grid,), 0, keyframes, lambda: self.walls, None)
+        self.own = OwnMap((self.grid,), 0, keyframes, self.known_walls, None)
+
+    def known_walls(self) -> KnownWalls:
+        walls, never = self.walls, np.full(4, -np.inf)
+        covariance_m2 = np.diag(self.sigmas_m**2)
+        return KnownWalls(walls.normals, walls.walls[:, 1], walls.reach_m, covariance_m2, never)
+
+    def team_knows_m(self) -> Array:
+        """(4,): sigmas of its walls, with what the team knows of them."""
+        return self.team.with_measured(self.known_walls(), self.walls).sigmas_m
 
     def tell(self, now_s: float, **fields: object) -> tuple[bytes, ...]:
         told = state((0.0, 0.0), received=self.team.received, **fields)

@@ -18,7 +18,7 @@ from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import VERSION, Packet, Track, encode
 from companion.team.team import Team
 from companion.team.teammate import LOST_S, SILENT_S
-from tests.unit.team.rooms import PADS, Member, config, state, walls_of
+from tests.unit.team.rooms import PADS, WALL_SIGMA_M, Member, config, state, walls_of
 
 Packets = tuple[bytes, ...]
 TICK_S = 0.05
@@ -75,6 +75,16 @@ def test_a_packet_that_was_overtaken_changes_nothing() -> None:
     first.hear(0.4, (*late, *early))
     [other] = first.team.others(0.4, waits=False)
     assert other.ne_m == pytest.approx((0.0, 0.5))
+
+
+def test_what_a_teammate_has_measured_is_known() -> None:
+    """The first drone has measured its north wall only from far away."""
+    first, second = Member(1, 0), Member(2, 0)
+    first.sigmas_m[0] = 0.3
+    assert first.team_knows_m() == pytest.approx(first.sigmas_m)
+    talk(first, second, 5.0)
+    assert first.team_knows_m()[0] < WALL_SIGMA_M
+    assert second.team_knows_m() == pytest.approx(WALL_SIGMA_M, rel=0.5)
 
 
 def test_a_silent_drone_does_not_trace_on() -> None:
@@ -206,6 +216,7 @@ def test_the_map_of_a_drone_that_is_not_on_its_pad_is_not_used(off_m: float) -> 
     assert ("drone 2 contradicts" in first.team.notice) == (not is_used)
     is_joined = first.team.joined(Occupancy()).free.any()
     assert is_joined == is_used
+    assert (first.team_knows_m() < first.sigmas_m).any() == is_used
     assert first.team.others(40.0, waits=False)
 
 
