@@ -48,7 +48,12 @@ from companion.pdps.flight.state import (
 from companion.safety.drift import Drift
 from companion.safety.fold_back import unfolded_up
 from companion.safety.health.watch import Health
-from companion.safety.mapped_obstacles import recalled_frd_m, unmapped_ne_m, walls_ahead_m
+from companion.safety.mapped_obstacles import (
+    ends_ne_m,
+    recalled_frd_m,
+    unmapped_ne_m,
+    walls_ahead_m,
+)
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
@@ -84,6 +89,7 @@ class App:
         config = self._config = with_layers_apart(config)
         self._earlier = earlier
         self._earlier_walls = earlier.segments() if earlier else ()
+        self._earlier_ends_ne_m = ends_ne_m(self._earlier_walls)
         self._mounts = Mounts(config.sensors)
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
@@ -188,7 +194,7 @@ class App:
         if self.flight.phase not in SEEING_PHASES:
             return inputs
         pose = self.estimator.pose(inputs.scan.time_s) if self.estimator else None
-        walls_m = walls_ahead_m(self._earlier_walls, pose, self._units) if pose else {}
+        walls_m = walls_ahead_m(self._earlier_ends_ne_m, pose, self._units) if pose else {}
         scan = self._obstacles.see(inputs.scan, walls_m)
         if self.estimator and self._up:
             ceiling_m = self._ceiling.above_m(self.estimator.over_floor_m)

@@ -57,30 +57,33 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
     return kept
 
 
+def ends_ne_m(walls: Sequence[WallSegment]) -> Array:
+    """Return both ends of each wall, (w, 2, 2), for `walls_ahead_m`."""
+    return np.array([(wall.start_ne_m, wall.end_ne_m) for wall in walls]).reshape(-1, 2, 2)
+
+
 def walls_ahead_m(
-    walls: Sequence[WallSegment], pose: Pose, units: Mapping[Beam, RangeUnit]
+    walls_ne_m: Array, pose: Pose, units: Mapping[Beam, RangeUnit]
 ) -> dict[Beam, float]:
     """Return the distance from each sensor to the nearest of the walls along its beam, m.
 
-    Beams that meet none are left out.
+    `walls_ne_m` (w, 2, 2): both ends of each wall. Beams that meet none are left out.
     """
-    if not walls:
+    if not len(walls_ne_m):
         return {}
-    starts = np.array([wall.start_ne_m for wall in walls]) - pose.ne_m
-    spans = np.array([wall.end_ne_m for wall in walls]) - pose.ne_m - starts
-    ahead_m = {}
-    for beam, unit in units.items():
-        bearing_rad = pose.yaw_rad + unit.bearing_frd_rad
-        north, east = math.cos(bearing_rad), math.sin(bearing_rad)
-        across = spans[:, 0] * east - spans[:, 1] * north
-        is_met = np.abs(across) > 0
-        across = np.where(is_met, across, 1.0)
-        share = (starts[:, 1] * north - starts[:, 0] * east) / across
-        along_m = (starts[:, 1] * spans[:, 0] - starts[:, 0] * spans[:, 1]) / across
-        is_met &= (share >= 0) & (share <= 1) & (along_m > unit.offset_m)
-        if is_met.any():
-            ahead_m[beam] = float(along_m[is_met].min()) - unit.offset_m
-    return ahead_m
+    start_north, start_east = (walls_ne_m[:, 0] - pose.ne_m).T
+    span_north, span_east = (walls_ne_m[:, 1] - walls_ne_m[:, 0]).T
+    bearings_rad = [pose.yaw_rad + unit.bearing_frd_rad for unit in units.values()]
+    offsets_m = np.array([unit.offset_m for unit in units.values()])
+    north, east = np.cos(bearings_rad)[:, None], np.sin(bearings_rad)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a wall along the beam is not met
+        per_metre = 1 / (span_north * east - span_east * north)  # (beams, w)
+        share = (start_east * north - start_north * east) * per_metre
+        along_m = (start_east * span_north - start_north * span_east) * per_metre
+    is_met = (share >= 0) & (share <= 1) & (along_m > offsets_m[:, None])
+    nearest_m = np.where(is_met, along_m, np.inf).min(axis=1) - offsets_m
+    ahead_m = zip(units, nearest_m.tolist(), strict=True)
+    return {beam: distance_m for beam, distance_m in ahead_m if distance_m < math.inf}
 
 
 def unmapped_ne_m(grid: Occupancy, pose: Pose, measured_frd_m: Array) -> Array:

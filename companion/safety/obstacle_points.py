@@ -189,13 +189,14 @@ class ObstaclePoints:
         if not len(vague):
             return points_to_frd(places - ne_m, yaw_rad)
         ray_rad, most_m = self._points[vague, _RAY_RAD], self._points[vague, _SIGMA_M]
-        offsets_m = np.outer(VAGUE_SIGMAS * most_m, _SPAN)
-        along = np.column_stack([np.cos(ray_rad), np.sin(ray_rad)])
-        span = places[vague, None] + offsets_m[..., None] * along[:, None]
-        away_m = np.hypot(*np.moveaxis(span - ne_m, -1, 0))
+        offsets_m = (VAGUE_SIGMAS * most_m)[:, None] * _SPAN
+        north_m = places[vague, :1] + offsets_m * np.cos(ray_rad)[:, None]
+        east_m = places[vague, 1:] + offsets_m * np.sin(ray_rad)[:, None]
+        away_m = np.hypot(north_m - ne_m[0], east_m - ne_m[1])
         detected_s = self._points[vague, _DETECTED_S, None]
-        away_m[swept.when_s(span) > detected_s] += KEPT_WITHIN_M
-        places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
+        away_m[swept.when_s(north_m, east_m) > detected_s] += KEPT_WITHIN_M
+        at = np.arange(len(vague)), away_m.argmin(axis=1)
+        places[vague, 0], places[vague, 1] = north_m[at], east_m[at]
         return points_to_frd(places - ne_m, yaw_rad)
 
     def free_strips(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:

@@ -194,9 +194,9 @@ class SweptGrid:
             float(off_rad.max(initial=0.0)),
         )
 
-    def when_s(self, places_ne_m: Array) -> Array:
-        """Times (...), s, at which a beam last swept places (..., 2); minus infinity if never."""
-        when_s: Array = self._when_s[self._cells(places_ne_m)]
+    def when_s(self, north_m: Array, east_m: Array) -> Array:
+        """Times, s, at which a beam last swept places; minus infinity if never. Any one shape."""
+        when_s: Array = self._when_s[self._number(north_m), self._number(east_m)]
         return when_s
 
     def _cells(self, places_ne_m: Array) -> tuple[Indices, Indices]:

@@ -77,7 +77,7 @@ def test_in_narrow_cells_beams_beside_a_leg_leave_its_cell_unswept(
         beam_rad = heading_rad + off_rad
         if abs(east_m * math.cos(beam_rad) - north_m * math.sin(beam_rad)) > LEG_M / 2:
             passed.sweep(HERE, beam_rad, (0.0, 3.5), 10.0)
-    assert passed.when_s(leg) < 0
+    assert passed.when_s(leg[0], leg[1]) < 0
 
 
 def test_in_narrow_cells_a_close_swing_sweeps_all_of_the_path() -> None:
