@@ -130,6 +130,8 @@ class Observation:
     """Doorways of the teammates at the same height."""
     goes_home: bool = False
     """True in a team if this drone has no part of the mission any more."""
+    waits_for_radio: bool = False
+    """True in a team if a teammate with the right of way is in the air, and not heard."""
     team_layers: TeamLayers | None = None
     """None for a drone that flies alone, and in other missions."""
 

@@ -2,7 +2,7 @@
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.core.frames import Vector2
 from companion.navigation.doorways import Doorway
@@ -62,6 +62,10 @@ class Travel:
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """Time and place of the last progress."""
+
+    def rested(self) -> "Travel":
+        """The journey after a pause: the time without progress begins anew."""
+        return replace(self, progress_s=None)
 
     @property
     def goes_home(self) -> bool:

@@ -113,6 +113,10 @@ class Explore:
     arrives_s: float = 0.0
     """Expected time of arrival at the viewpoint, s."""
 
+    def rested(self) -> "Explore":
+        """The state after a pause: the time without progress begins anew."""
+        return replace(self, travel=self.travel and self.travel.rested())
+
     @property
     def known_doorways(self) -> tuple[Doorway, ...]:
         """All doorways found so far."""

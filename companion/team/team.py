@@ -53,6 +53,7 @@ class TeamView(TypedDict, total=False):
     tracings: tuple[Tracing, ...]
     doorway_claims: tuple[DoorwayClaim, ...]
     goes_home: bool
+    waits_for_radio: bool
     team_layers: TeamLayers
 
 
@@ -188,6 +189,7 @@ class Team:
             tracings=tuple(each for each in tracings if each is not None),
             doorway_claims=tuple(each for each in doorways if each is not None),
             goes_home=goes_home,
+            waits_for_radio=any(mate.must_be_heard(now_s) for mate in self._mates.values()),
         )
 
     def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:

@@ -40,7 +40,9 @@ SILENT_S = 2.0
 """After this time without a state, nothing is claimed by the teammate any more, s: ten states.
 Chosen."""
 LOST_S = 10.0
-"""After this time its place is unknown, s. Chosen."""
+"""After this time its place is unknown, s, unless it holds. Chosen."""
+HOLDS_S = 70.0
+"""So long a drone holds that does not hear one with the right of way, s. Chosen: over a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
 SAME_PLACE_M = 0.4
@@ -101,9 +103,9 @@ class Teammate:
     """One teammate."""
 
     def __init__(self, start: Array, sigma: Array, *, comes_first: bool) -> None:
-        """`start` (3,): its pad in this drone's frame, north, east, m, and heading, rad.
+        """`start`, `sigma` (3,): its pad in this drone's frame, north, east, m, and heading, rad.
 
-        `sigma` (3,): standard deviations of the start. `comes_first`: it has the right of way.
+        `comes_first`: it has the right of way.
         """
         self._pad, self._sigma = start, sigma
         self._comes_first = comes_first
@@ -265,6 +267,19 @@ class Teammate:
         """True if its place is known."""
         return now_s - self._heard_s < LOST_S
 
+    def must_be_heard(self, now_s: float) -> bool:
+        """True if this drone holds its place until it hears the teammate again."""
+        return self._comes_first and self._is_missing(now_s)
+
+    def _holds(self, now_s: float) -> bool:
+        """True if it does not hear this drone either, and holds its place."""
+        is_at_work = self.state is not None and self.state.layer is not None
+        return is_at_work and not self._comes_first and self._is_missing(now_s)
+
+    def _is_missing(self, now_s: float) -> bool:
+        is_flying = self.state is not None and self.state.is_flying
+        return is_flying and SILENT_S <= now_s - self._heard_s < HOLDS_S
+
     def is_heard(self, now_s: float) -> bool:
         """True if it was heard lately."""
         return now_s - self._heard_s < SILENT_S
@@ -276,13 +291,12 @@ class Teammate:
 
         `other_waits`: this drone waits, and lets it pass. `other_layer`: this drone's layer.
         """
-        state, age_s = self.state or ON_PAD, now_s - self._heard_s
-        if self.state is not None and not self.is_known(now_s):
+        if self.state is not None and not (self.is_known(now_s) or self._holds(now_s)):
             return None
+        state, age_s = self.state or ON_PAD, now_s - self._heard_s
         yaw_rad = float(self.start[YAW])
         velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
-        north_m, east_m = self._in_own_frame(state.ne_m)
-        known_s = min(age_s, SILENT_S)
+        (north_m, east_m), known_s = self._in_own_frame(state.ne_m), min(age_s, SILENT_S)
         sigma_m = math.hypot(state.position_sigma_m, SIGMA_M)
         if not self._is_aligned:
             north_sigma_m, east_sigma_m, yaw_sigma_rad = self._sigma.tolist()
@@ -339,8 +353,8 @@ class Teammate:
         if state.doorway_ne_m is None or state.layer not in (None, layer):
             return None
         away_m = math.dist(state.ne_m, state.doorway_ne_m)
-        middle_ne_m, goes_home = self._in_own_frame(state.doorway_ne_m), state.layer is None
-        return DoorwayClaim(middle_ne_m, away_m, self._comes_first, goes_home)
+        middle_ne_m = self._in_own_frame(state.doorway_ne_m)
+        return DoorwayClaim(middle_ne_m, away_m, self._comes_first, state.layer is None)
 
     def claim(self, now_s: float, layer: int) -> Claim | None:
         """What it goes to look at in a layer; None if nothing, or if it is not heard any more."""
@@ -351,8 +365,8 @@ class Teammate:
             return None
         places = tuple(self._in_own_frame(place) for place in state.target)
         left_s = max(state.arrives_in_s - (now_s - self._heard_s), 0.0)
-        here_ne_m = self._in_own_frame(state.ne_m)
-        return Claim(places, left_s, state.is_extra, self._comes_first, here_ne_m)
+        from_ne_m = self._in_own_frame(state.ne_m)
+        return Claim(places, left_s, state.is_extra, self._comes_first, from_ne_m)
 
     def explorer_ne_m(self, now_s: float) -> Vector2 | None:
         """Where it is; None unless it explores, and has more to do than extras."""

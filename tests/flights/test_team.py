@@ -21,6 +21,8 @@ walls = [{ points = [[0, 0], [3, 0], [3, 4], [0, 4]], closed = true }]
 starts = [{ name = "south of it", position = [-2.0, 1.0] }]
 """
 BAD_RADIO = LinkErrors(loss=0.3, jitter_s=0.3)
+PARTED_S = 15.0, 75.0
+"""From and until when no packet arrives, s."""
 MIN_APART_M, MAX_BYTES_PER_S = 0.6, 20_000
 
 
@@ -52,8 +54,20 @@ def test_equal_seeds_give_equal_flights(sitl: Sitl, tmp_path: Path) -> None:
 
 
 def test_a_bad_radio_costs_time_but_no_safety(sitl: Sitl) -> None:
-    """30 % of the packets are lost, and the others are late by up to 0.3 s."""
-    joint = sitl.fly_team(ROOMS, mission="building", radio=BAD_RADIO).report
+    """30 % of the packets are lost, the others are late by up to 0.3 s.
+
+    For a minute no packet arrives. The second drone holds its place, and the first keeps off it.
+    """
+    was_lost = False
+
+    def part(fleet: Fleet, apps: Sequence[App], air: TeamAir) -> None:
+        nonlocal was_lost
+        is_parted = PARTED_S[0] < fleet.time_s < PARTED_S[1]
+        air.reach = lambda sender, receiver: not is_parted
+        was_lost |= "not heard" in apps[1].flight.activity
+
+    joint = sitl.fly_team(ROOMS, mission="building", radio=BAD_RADIO, script=part).report
+    assert was_lost
     assert joint.completed, joint.ending
     assert joint.collisions == 0
     assert joint.apart_m > MIN_APART_M
@@ -61,10 +75,13 @@ def test_a_bad_radio_costs_time_but_no_safety(sitl: Sitl) -> None:
 
 
 def test_two_drones_go_round_a_house_opposite_ways(sitl: Sitl, tmp_path: Path) -> None:
-    """They begin south of it. Each sees its own side alone, and both meet in the north."""
+    """They begin south of it. Each sees its own side alone, and both meet in the north.
+
+    The autopilots are PX4; the other tests of this file fly with ArduPilot.
+    """
     path = tmp_path / "hut.toml"
     path.write_text(HUT)
-    team = sitl.fly_team(str(path), mission="exterior")
+    team = sitl.fly_team(str(path), mission="exterior", autopilot="px4")
     joint = team.report
     assert joint.completed, joint.ending
     assert joint.coverage > 0.97

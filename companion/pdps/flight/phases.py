@@ -12,6 +12,8 @@
     with the orders of a script: PREPARE waits for the order to take off; TAKE_OFF, the missions
     and HOME end in HOVER, which goes to a mission, HOME or LAND by order
 
+    the missions, in a team:       a teammate with the right of way is
+                                   not heard                           ─► the drone holds its place
     the missions, HOME, HOVER:     time or battery limit, no path home  ─► DIVERT if there is
                                                                            floor nearby, or LAND
     DIVERT:                        over floor that it has flown over    ─► DESCEND
@@ -108,7 +110,10 @@ def step(
         flight = cut_short
     if flight.phase in MISSION_PHASES.values():
         flight = _in_time(flight, view, plan)
-    flight, action = _STEPS[flight.phase](flight, view, plan)
+    step_of_phase = _hold_place if _must_hold_place(flight, view) else _STEPS[flight.phase]
+    if flight.holds_at_ne_m and step_of_phase is not _hold_place:
+        flight = flight.rested()
+    flight, action = step_of_phase(flight, view, plan)
     if action.setpoint is not None and flight.phase in LEVEL_PHASES:
         flight, wanted = _let_pass(flight, view, plan, action.setpoint)
         level = replace(wanted, down_m_s=_climb(flight, view, plan))
@@ -204,6 +209,22 @@ def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
     return go(flight, Phase.HOME, view, trouble)
 
 
+def _must_hold_place(flight: FlightState, view: TickInput) -> bool:
+    """True in a mission while a teammate with the right of way is not heard.
+
+    The teammate keeps off the place at which this drone was when it was heard last.
+    """
+    return view.observation.waits_for_radio and flight.phase in MISSION_PHASES.values()
+
+
+def _hold_place(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    pose = view.observation.pose
+    at_ne_m = flight.holds_at_ne_m or pose.ne_m
+    return replace(flight, holds_at_ne_m=at_ne_m), FlightAction(stay(at_ne_m, pose))
+
+
 def _room(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
@@ -266,7 +287,7 @@ def _hold(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
     if view.fault is None:
-        return go(flight, flight.held_from, view, flight.held_trouble), FlightAction(HOLD)
+        return go(flight.rested(), flight.held_from, view, flight.held_trouble), FlightAction(HOLD)
     if age_s(flight, view) > view.fault.lasts_s:
         return land(go(flight, Phase.LAND, view), view, plan)
     return flight, FlightAction(HOLD)

@@ -5,6 +5,7 @@ import math
 from dataclasses import field, replace
 from itertools import zip_longest
 
+from companion.core.frames import Vector2
 from companion.core.messages import Command, Fault, Order, Setpoint, VehicleState
 from companion.core.values import value
 from companion.mapping.heights import Heights
@@ -136,6 +137,8 @@ class FlightState:
     """True once the autopilot has reported LAND."""
     passing: Passing | None = None
     """From when the drone climbs to let a teammate pass below, until it is down again."""
+    holds_at_ne_m: Vector2 | None = None
+    """Place at which the drone holds until it hears its teammates, local NED, m."""
     obeyed: int = 0
     """Number of the last executed order."""
 
@@ -175,6 +178,21 @@ class FlightState:
             return self.layers.travel
         return self.explores.travel if self.explores else None
 
+    def rested(self) -> "FlightState":
+        """The state after a pause: the time without progress of each journey begins anew."""
+        return replace(
+            self,
+            holds_at_ne_m=None,
+            building=self.building.rested(),
+            layers=replace(
+                self.layers,
+                explore=self.layers.explore.rested(),
+                travel=self.layers.travel.rested(),
+            ),
+            way_home=self.way_home.rested(),
+            diversion=self.diversion and self.diversion.rested(),
+        )
+
     @property
     def explores(self) -> Explore | None:
         """The present exploration, of a building or of a layer."""
@@ -197,6 +215,8 @@ class FlightState:
     @property
     def activity(self) -> str:
         """Description of the phase, or of the mission's own phase during a mission."""
+        if self.holds_at_ne_m is not None:
+            return "holding: a teammate is not heard"
         parts = {
             Phase.ROOM: self.room.activity,
             Phase.BUILDING: self.building.activity,

@@ -17,7 +17,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import VERSION, Packet, Track, encode
 from companion.team.team import Team
-from companion.team.teammate import LOST_S, SILENT_S
+from companion.team.teammate import HOLDS_S, LOST_S, SILENT_S
 from tests.unit.team.rooms import PADS, WALL_SIGMA_M, Member, config, state, walls_of
 
 Packets = tuple[bytes, ...]
@@ -104,7 +104,34 @@ def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
     assert claim.arrives_in_s == pytest.approx(3.0)
     assert not first.team.view(SILENT_S + 0.1)["claims"]
     assert first.team.others(SILENT_S + 0.1, waits=False)
-    assert not first.team.others(LOST_S + 0.1, waits=False)
+    assert not first.team.others(HOLDS_S + 0.1, waits=False)
+
+
+def test_of_two_drones_without_radio_the_second_holds_its_place() -> None:
+    """The first goes on, and knows where the second holds. For some minutes, that is too long."""
+    first, second = Member(1, 0), Member(2, 0)
+    second.hear(0.0, first.tell(0.0))
+    first.hear(0.0, second.tell(0.0))
+    for now_s, holds in ((SILENT_S - 0.1, False), (LOST_S + 1, True), (HOLDS_S + 0.1, False)):
+        assert not first.team.view(now_s)["waits_for_radio"]
+        assert second.team.view(now_s)["waits_for_radio"] == holds
+    [other] = first.team.others(LOST_S + 1, waits=False)
+    assert other.ne_m == pytest.approx((1.0, 0.5))
+    assert not second.team.others(LOST_S + 1, waits=False)
+    second.hear(LOST_S + 2, first.tell(LOST_S + 2))
+    assert not second.team.view(LOST_S + 2)["waits_for_radio"]
+
+
+def test_a_drone_does_not_wait_for_one_that_has_landed() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    second.hear(0.0, first.tell(0.0, is_flying=False))
+    assert not second.team.view(SILENT_S + 1)["waits_for_radio"]
+
+
+def test_the_place_of_a_drone_that_flew_home_is_lost_sooner() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, layer=None))
+    assert not first.team.others(LOST_S + 1, waits=False)
 
 
 @settings(max_examples=20)

@@ -17,9 +17,10 @@ from companion.core.messages import (
 from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.phases import step
-from companion.pdps.flight.state import FlightAction, FlightState, Phase
+from companion.pdps.flight.state import FlightAction, FlightState, Phase, TickInput
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
+from companion.pdps.viewpoints import Viewpoint
 from companion.safety.obstacle_memory import Surroundings
 from tests.unit.pdps.flight.flight_ticks import (
     CLEAR,
@@ -86,6 +87,38 @@ def test_a_drone_that_drifts_while_another_passes_returns_to_its_place() -> None
     _, action = step(flight, replace(drifted, around=Surroundings(lets_pass=True)), PLAN)
     assert action.setpoint is not None
     assert action.setpoint.forward_m_s < 0 < action.setpoint.right_m_s
+
+
+def unheard(seen: TickInput) -> TickInput:
+    """A tick in which a teammate with the right of way is not heard."""
+    return replace(seen, observation=replace(seen.observation, waits_for_radio=True))
+
+
+@pytest.mark.parametrize("phase", [Phase.ROOM, Phase.BUILDING])
+def test_a_drone_that_does_not_hear_its_teammate_holds_its_place(phase: Phase) -> None:
+    held, _ = step(flying(phase), unheard(view()), PLAN)
+    assert "not heard" in held.activity
+    drifted, action = step(held, unheard(view(time_s=130.0, position=(1.1, 0.8))), PLAN)
+    assert action.setpoint is not None
+    assert action.setpoint.forward_m_s < 0 < action.setpoint.right_m_s
+    resumed, _ = step(drifted, view(time_s=160.0), PLAN)
+    assert resumed.phase is phase
+    assert "not heard" not in resumed.activity
+
+
+def test_a_drone_on_its_way_home_waits_for_nobody() -> None:
+    flight, _ = step(flying(Phase.HOME), unheard(view()), PLAN)
+    assert "not heard" not in flight.activity
+
+
+def test_a_pause_is_no_time_without_progress() -> None:
+    """The drone is on its way to a viewpoint when it holds for a minute."""
+    travel = Travel((3.0, 1.0), progress_s=99.0, progress_ne_m=(1.0, 1.0))
+    explore = Explore(ExplorePhase.GO, travel=travel, look=Viewpoint((3.0, 1.0), ((4.0, 1.0),)))
+    held, _ = step(replace(flying(Phase.BUILDING), building=explore), view(fault=SILENT), PLAN)
+    resumed, _ = step(held, view(time_s=160.0), PLAN)
+    assert resumed.building.travel is not None
+    assert resumed.building.travel.progress_s is None
 
 
 @pytest.mark.parametrize(
