@@ -30,7 +30,7 @@ from sitl.bench.engine import attempted
 from sitl.bench.sets import jobs_for
 from sitl.core.noise import stream
 from sitl.running.sorties import PAD
-from sitl.scoring.joint import together
+from sitl.scoring.joint import flight_name, together
 from sitl.scoring.report import make_report
 from sitl.sensors.beam import RAY
 from sitl.simulation.lockstep import fly_in_lockstep
@@ -86,13 +86,14 @@ def _run(case: Case) -> dict[str, Any]:
     flown, truths, alone_cm = [], [], {}
     for number, setup in enumerate(setups, 1):
         app, simulation = fly_in_lockstep(setup, config, lambda _: None)
-        flown.append(Flown.of(f"flight {number}", app))
+        flown.append(Flown.of(flight_name(number), app))
         truths.append(simulation.record)
         report = _scores(setup, config, app, app.final_floor_plan(), simulation.record)
-        alone_cm[f"flight {number}"] = report["wall_error_aligned_cm"]
+        alone_cm[flight_name(number)] = report["wall_error_aligned_cm"]
     merged = merge(flown, Starts(PAD.sigma, are_unknown=True))
     joint = _scores(setups[0], config, app, merged.plan, together(truths, merged))
-    right = sum(_is_right(each, truths) for each in merged.flights[1:])
+    of_name = {flight_name(number): truth for number, truth in enumerate(truths, 1)}
+    right = sum(_is_right(each, truths[0], of_name[each.name]) for each in merged.flights[1:])
     return {
         "world": case.world,
         "seed": case.seed,
@@ -132,9 +133,9 @@ def _scores(
     return dict(make_report(setup, config, plan, truth, outcome=app.flight, waited_s=1.0))
 
 
-def _is_right(flight: MergedFlight, truths: Sequence[TruthRecord]) -> bool:
+def _is_right(flight: MergedFlight, first_flown: TruthRecord, flown: TruthRecord) -> bool:
     """True if a placed flight began where the map says, in the frame of the first."""
-    first, own = truths[0].take_off, truths[int(flight.name.split()[1]) - 1].take_off
+    first, own = first_flown.take_off, flown.take_off
     north_m, east_m, _ = np.subtract(own.position_ned_m, first.position_ned_m)
     true_ne_m = ned_to_frd(float(north_m), float(east_m), first.yaw_rad)
     off_rad = wrap_rad(own.yaw_rad - first.yaw_rad - float(flight.start[2]))

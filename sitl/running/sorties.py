@@ -35,7 +35,7 @@ from companion.ticks import Progress
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions
-from sitl.scoring.joint import Outcome, airborne_s, apart_m, return_m, together
+from sitl.scoring.joint import Outcome, airborne_s, apart_m, flight_name, return_m, together
 from sitl.scoring.report import Report, least_clear_in_the_open_m, make_report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
@@ -200,7 +200,7 @@ class Sorties:
 
     def _names_of_latest(self) -> list[str]:
         """Names of the flights of the latest sortie."""
-        return [f"flight {number + 1}" for number in range(len(self.truths))][-len(self._pads) :]
+        return [flight_name(number + 1) for number in range(len(self.truths))][-len(self._pads) :]
 
     def _fly(self, number: int) -> list[tuple[App, Path | None]]:
         """Fly a sortie; return the companions at the end, and the recordings if there are any."""

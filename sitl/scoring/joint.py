@@ -17,8 +17,15 @@ class Outcome:
         self.ending = "; ".join(dict.fromkeys(flight.ending for flight in flights))
 
 
-def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
+def flight_name(number: int) -> str:
+    """Name in the joint map of the flight with a number, from 1."""
+    return f"flight {number}"
+
+
+def together(truths: Sequence[TruthRecord], merged: Merged) -> TruthRecord:
     """The true flights one after the other, at the times of the joint map.
+
+    `truths`: of all flights in the order of their numbers; the map may have left some out.
 
     A drone that has landed before its teammates is still recorded; that part is left out, because
     the next flight has those times.
@@ -27,11 +34,12 @@ def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
     joint.clearance_m = min(truth.clearance_m for truth in truths)
     joint.hits_ned_m = [place for truth in truths for place in truth.hits_ned_m]
     joint.air_time_s = sum(truth.air_time_s for truth in truths)
+    of_name = {flight_name(number): truth for number, truth in enumerate(truths, 1)}
     begins_s = [flight.later_s for flight in merged.flights]
     joint.path = [
         later
         for flight, ends_s in zip(merged.flights, [*begins_s[1:], math.inf], strict=True)
-        for state in truths[int(flight.name.removeprefix("flight ")) - 1].path
+        for state in of_name[flight.name].path
         if (later := replace(state, time_s=state.time_s + flight.later_s)).time_s < ends_s
     ]
     return joint

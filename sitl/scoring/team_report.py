@@ -10,7 +10,7 @@ from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
 from companion.team.pads import pad_sigma, relative_pad
 from sitl.core.errors import SitlError
-from sitl.scoring.joint import Outcome, airborne_s, apart_m, return_m, together
+from sitl.scoring.joint import Outcome, airborne_s, apart_m, flight_name, return_m, together
 from sitl.scoring.report import Report, make_report
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup
@@ -99,7 +99,7 @@ def merged_flights(configs: Sequence[Config], apps: Sequence[App | None]) -> Mer
     team = configs[0].team
     flown, given = [], {}
     for number, (app, pad) in enumerate(zip(apps, team.pads, strict=True), 1):
-        name = f"flight {number}"
+        name = flight_name(number)
         if app is None:
             continue
         try:
