@@ -44,8 +44,9 @@ MASK_M = 0.15
 of its position. Chosen."""
 MASK_SIGMAS = 3.0
 FACES_RAD = math.radians(15)
-"""Two infrared sensors that point at each other within this angle dazzle each other, rad. Chosen:
-the width of a beam, and the errors of two headings. Then any distance may be measured."""
+"""Two infrared sensors that point at each other within this angle dazzle each other, rad, beside
+the error of a teammate's heading. Chosen: the width of a beam, and the mounting of both. Then any
+distance may be measured."""
 
 
 @value
@@ -55,6 +56,8 @@ class OtherDrone:
     ne_m: Vector2
     height_m: float
     yaw_rad: float
+    yaw_off_rad: float
+    """Largest error of its heading."""
     sigma_m: float
     """Of its position relative to this drone, on each axis."""
     is_flying: bool
@@ -212,4 +215,5 @@ def _may_meet(
 def _faces(other: OtherDrone, bearing_rad: float) -> bool:
     """True if a level beam of the teammate may dazzle one that points at it along a bearing."""
     back_rad = bearing_rad + math.pi - other.yaw_rad
-    return any(abs(wrap_rad(back_rad - axis)) < FACES_RAD for axis in BEARING_FRD_RAD.values())
+    within_rad = FACES_RAD + other.yaw_off_rad
+    return any(abs(wrap_rad(back_rad - axis)) < within_rad for axis in BEARING_FRD_RAD.values())

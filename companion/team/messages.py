@@ -84,6 +84,28 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     """Middle of the doorway in which it is, or to which it comes next."""
 
 
+ON_PAD = State(
+    ne_m=(0.0, 0.0),
+    height_m=0.0,
+    yaw_rad=0.0,
+    velocity_ne_m_s=(0.0, 0.0),
+    position_sigma_m=0.0,
+    phase="",
+    is_flying=False,
+    needs_column=False,
+    waits=False,
+    battery=1.0,
+    target=(),
+    is_extra=False,
+    arrives_in_s=0.0,
+    received={},
+    layer=None,
+    layers_seen=(),
+    doorway_ne_m=None,
+)
+"""State of a drone that was not heard yet: it stands on its pad."""
+
+
 class WallLines(Struct, tag="walls", frozen=True, array_like=True):
     """All walls of a drone."""
 

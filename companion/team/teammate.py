@@ -23,6 +23,7 @@ from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Claim, DoorwayClaim, LayerClaim, Tracing
 from companion.safety.separation import OtherDrone
 from companion.team.messages import (
+    ON_PAD,
     Body,
     Keyframes,
     LowCeilings,
@@ -45,6 +46,8 @@ HOLDS_S = 70.0
 """So long a drone holds that does not hear one with the right of way, s. Chosen: over a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
+TURN_RAD_S = math.radians(60)
+"""Fastest turn of a teammate, rad/s. Chosen: missions turn with 45°/s."""
 SAME_PLACE_M = 0.4
 """An obstacle on its map is the same as one on the own map within this distance, m. Chosen: beyond
 the error of the alignment."""
@@ -63,26 +66,6 @@ MEASURED_BEFORE_S = 1.0
 """Time of a teammate's readings on this drone's map, s: before all of its own."""
 NOTHING_SEEN = Occupancy()
 """The space of a layer in which it was not yet."""
-ON_PAD = State(
-    ne_m=(0.0, 0.0),
-    height_m=0.0,
-    yaw_rad=0.0,
-    velocity_ne_m_s=(0.0, 0.0),
-    position_sigma_m=0.0,
-    phase="",
-    is_flying=False,
-    needs_column=False,
-    waits=False,
-    battery=1.0,
-    target=(),
-    is_extra=False,
-    arrives_in_s=0.0,
-    received={},
-    layer=None,
-    layers_seen=(),
-    doorway_ne_m=None,
-)
-"""State of a drone that was not heard yet: it stands on its pad."""
 
 
 @value
@@ -298,14 +281,17 @@ class Teammate:
         velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
         (north_m, east_m), known_s = self._in_own_frame(state.ne_m), min(age_s, SILENT_S)
         sigma_m = math.hypot(state.position_sigma_m, SIGMA_M)
+        yaw_off_rad = TURN_RAD_S * known_s
         if not self._is_aligned:
             north_sigma_m, east_sigma_m, yaw_sigma_rad = self._sigma.tolist()
             turned_m = yaw_sigma_rad * math.hypot(*state.ne_m)
             sigma_m = math.hypot(sigma_m, north_sigma_m, east_sigma_m, turned_m)
+            yaw_off_rad += 3 * yaw_sigma_rad
         return OtherDrone(
             (north_m + velocity[0] * known_s, east_m + velocity[1] * known_s),
             state.height_m,
             state.yaw_rad + yaw_rad,
+            yaw_off_rad,
             sigma_m,
             state.is_flying,
             state.needs_column,

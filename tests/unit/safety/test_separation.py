@@ -39,12 +39,13 @@ def other(
     height_m: float = LEVEL_M,
     *,
     yaw_rad: float = 0.8,
+    yaw_off_rad: float = 0.0,
     is_flying: bool = True,
     needs_column: bool = False,
     has_right_of_way: bool = False,
 ) -> OtherDrone:
     flags = is_flying, needs_column, has_right_of_way
-    return OtherDrone(ne_m, height_m, yaw_rad, 0.0, *flags)
+    return OtherDrone(ne_m, height_m, yaw_rad, yaw_off_rad, 0.0, *flags)
 
 
 def safe(setpoint: Setpoint, near: OtherDrone, *, needs_column: bool = False) -> Setpoint:
@@ -162,6 +163,8 @@ def test_a_beam_that_a_teammate_dazzles_measures_nothing() -> None:
     assert beams_left(scan, other((3.0, 0.0), yaw_rad=math.pi)) == set()
     assert beams_left(scan, other((3.0, 0.0), yaw_rad=0.5 * math.pi + 0.1)) == set()
     assert beams_left(scan, other((3.0, 0.0), yaw_rad=math.pi + 0.5)) == {Beam.FRONT}
+    turns = other((3.0, 0.0), yaw_rad=math.pi + 0.5, yaw_off_rad=0.3)
+    assert beams_left(scan, turns) == set()
 
 
 def test_the_vertical_beams_do_not_take_a_teammate_for_ceiling_or_floor() -> None:

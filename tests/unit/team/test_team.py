@@ -87,6 +87,15 @@ def test_what_a_teammate_has_measured_is_known() -> None:
     assert second.team_knows_m() == pytest.approx(WALL_SIGMA_M, rel=0.5)
 
 
+def test_the_heading_of_a_teammate_that_turns_is_known_less_well_with_time() -> None:
+    """It told its heading 0.2 s ago, and may have turned by 9° since; its pad is exact to 4°."""
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0))
+    [now], [later] = (first.team.others(now_s, waits=False) for now_s in (0.0, 0.2))
+    assert now.yaw_off_rad > 2 * math.radians(4)
+    assert later.yaw_off_rad - now.yaw_off_rad > math.radians(9)
+
+
 def test_a_silent_drone_does_not_trace_on() -> None:
     first, second = Member(1, 0), Member(2, 0)
     track = partial(Track, 0.0, -1, True, b"")
