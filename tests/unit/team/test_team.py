@@ -88,11 +88,10 @@ def test_what_a_teammate_has_measured_is_known() -> None:
 
 
 def test_the_heading_of_a_teammate_that_turns_is_known_less_well_with_time() -> None:
-    """It told its heading 0.2 s ago, and may have turned by 9° since; its pad is exact to 4°."""
+    """It told its heading 0.2 s ago, and may have turned by 9° since."""
     first, second = Member(1, 0), Member(2, 0)
     first.hear(0.0, second.tell(0.0))
     [now], [later] = (first.team.others(now_s, waits=False) for now_s in (0.0, 0.2))
-    assert now.yaw_off_rad > 2 * math.radians(4)
     assert later.yaw_off_rad - now.yaw_off_rad > math.radians(9)
 
 
