@@ -58,6 +58,7 @@ def state_of(
     """The state of this drone. `received`: number of map pieces that it has of each teammate."""
     explores = flight.explores
     look = explores.look if explores and explores.phase is not ExplorePhase.DONE else None
+    in_column = needs_column(flight, pose.height_m)
     target = _thinned(look.at_ne_m) if look else _flies_over(flight, pose)
     return State(
         pose.ne_m,
@@ -66,8 +67,8 @@ def state_of(
         velocity_ne_m_s,
         pose.position_sigma_m,
         flight.phase.value,
-        flight.phase in FLYING_PHASES or flight.phase is Phase.LAND,
-        needs_column(flight, pose.height_m),
+        flight.phase in FLYING_PHASES or in_column,
+        in_column,
         flight.waits,
         1.0 if battery is None else min(max(battery, 0.0), 1.0),
         target,

@@ -260,8 +260,11 @@ class Teammate:
         return is_at_work and not self._comes_first and self._is_missing(now_s)
 
     def _is_missing(self, now_s: float) -> bool:
-        is_flying = self.state is not None and self.state.is_flying
-        return is_flying and SILENT_S <= now_s - self._heard_s < HOLDS_S
+        """True if it was in the air, and not in its column to land, when it was heard last."""
+        state = self.state
+        if state is None or not state.is_flying or (state.needs_column and state.layer is None):
+            return False
+        return SILENT_S <= now_s - self._heard_s < HOLDS_S
 
     def is_heard(self, now_s: float) -> bool:
         """True if it was heard lately."""

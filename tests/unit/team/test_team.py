@@ -130,9 +130,12 @@ def test_of_two_drones_without_radio_the_second_holds_its_place() -> None:
     assert not second.team.view(LOST_S + 2)["waits_for_radio"]
 
 
-def test_a_drone_does_not_wait_for_one_that_has_landed() -> None:
+@pytest.mark.parametrize("is_flying", [False, True])
+def test_a_drone_does_not_wait_for_one_that_lands(is_flying: bool) -> None:
+    """A companion ends after the landing, and its last message may be lost."""
     first, second = Member(1, 0), Member(2, 0)
-    second.hear(0.0, first.tell(0.0, is_flying=False))
+    landing = {"is_flying": is_flying, "needs_column": is_flying, "layer": None}
+    second.hear(0.0, first.tell(0.0, **landing))
     assert not second.team.view(SILENT_S + 1)["waits_for_radio"]
 
 
