@@ -30,7 +30,7 @@ from sitl.bench.engine import attempted
 from sitl.bench.sets import jobs_for
 from sitl.core.noise import stream
 from sitl.running.sorties import PAD
-from sitl.scoring.joint import flight_name, together
+from sitl.scoring.joint import by_name, flight_name, together
 from sitl.scoring.report import make_report
 from sitl.sensors.beam import RAY
 from sitl.simulation.lockstep import fly_in_lockstep
@@ -92,8 +92,8 @@ def _run(case: Case) -> dict[str, Any]:
         alone_cm[flight_name(number)] = report["wall_error_aligned_cm"]
     merged = merge(flown, Starts(PAD.sigma, are_unknown=True))
     joint = _scores(setups[0], config, app, merged.plan, together(truths, merged))
-    of_name = {flight_name(number): truth for number, truth in enumerate(truths, 1)}
-    right = sum(_is_right(each, truths[0], of_name[each.name]) for each in merged.flights[1:])
+    flown_as = by_name(truths)
+    right = sum(_is_right(each, truths[0], flown_as[each.name]) for each in merged.flights[1:])
     return {
         "world": case.world,
         "seed": case.seed,

@@ -43,7 +43,8 @@ Chosen."""
 LOST_S = 10.0
 """After this time its place is unknown, s, unless it holds. Chosen."""
 HOLDS_S = 70.0
-"""So long a drone holds that does not hear one with the right of way, s. Chosen: over a minute."""
+"""Longest time for which a drone holds its place because it does not hear one with the right of
+way, s. Chosen: more than a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
 TURN_RAD_S = math.radians(60)

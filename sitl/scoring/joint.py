@@ -22,6 +22,11 @@ def flight_name(number: int) -> str:
     return f"flight {number}"
 
 
+def by_name(truths: Sequence[TruthRecord]) -> dict[str, TruthRecord]:
+    """The true flights, in the order of their numbers, by their names in the joint map."""
+    return {flight_name(number): truth for number, truth in enumerate(truths, 1)}
+
+
 def together(truths: Sequence[TruthRecord], merged: Merged) -> TruthRecord:
     """The true flights one after the other, at the times of the joint map.
 
@@ -34,12 +39,12 @@ def together(truths: Sequence[TruthRecord], merged: Merged) -> TruthRecord:
     joint.clearance_m = min(truth.clearance_m for truth in truths)
     joint.hits_ned_m = [place for truth in truths for place in truth.hits_ned_m]
     joint.air_time_s = sum(truth.air_time_s for truth in truths)
-    of_name = {flight_name(number): truth for number, truth in enumerate(truths, 1)}
+    flown = by_name(truths)
     begins_s = [flight.later_s for flight in merged.flights]
     joint.path = [
         later
         for flight, ends_s in zip(merged.flights, [*begins_s[1:], math.inf], strict=True)
-        for state in of_name[flight.name].path
+        for state in flown[flight.name].path
         if (later := replace(state, time_s=state.time_s + flight.later_s)).time_s < ends_s
     ]
     return joint

@@ -116,7 +116,7 @@ def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
 
 
 def test_of_two_drones_without_radio_the_second_holds_its_place() -> None:
-    """The first goes on, and knows where the second holds. For some minutes, that is too long."""
+    """The first goes on, and knows where the second holds. After `HOLDS_S` both go on."""
     first, second = Member(1, 0), Member(2, 0)
     second.hear(0.0, first.tell(0.0))
     first.hear(0.0, second.tell(0.0))
