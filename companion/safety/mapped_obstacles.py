@@ -38,6 +38,9 @@ both within seconds; a larger distance would drop the poles beside a wall."""
 MET_ANEW_M = 0.4
 """Cells within this distance of a recent obstacle point are dropped, m. Chosen: the map, including
 its cell size, differs from odometry by as much."""
+END_M = 0.15
+"""A wall is not certain to be met within this distance of its ends, m. Chosen: three sigmas of the
+pad and of the position in the map together."""
 
 
 def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
@@ -58,8 +61,12 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
 
 
 def ends_ne_m(walls: Sequence[WallSegment]) -> Array:
-    """Return both ends of each wall, (w, 2, 2), for `walls_ahead_m`."""
-    return np.array([(wall.start_ne_m, wall.end_ne_m) for wall in walls]).reshape(-1, 2, 2)
+    """Return both ends of what is certain of each wall, (w, 2, 2), for `walls_ahead_m`."""
+    ends = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in walls]).reshape(-1, 2, 2)
+    span = ends[:, 1] - ends[:, 0]
+    length_m = np.maximum(np.hypot(*span.T), 1e-9)
+    less = np.minimum(END_M / length_m, 0.5)[:, None] * span
+    return np.stack([ends[:, 0] + less, ends[:, 1] - less], axis=1)
 
 
 def walls_ahead_m(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from companion.core.arrays import Array, Mask
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2, moved, points_to_frd, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -26,8 +26,15 @@ from companion.core.messages import (
     RangeUnit,
 )
 from companion.safety.control_laws import BODY_RADIUS_M, MAX_CLIMB_M_S
-from companion.safety.drift import NO_DRIFT, Drift
-from companion.safety.fold_back import ALIAS_M, KNOWN_M, FoldBackDetector
+from companion.safety.drift import DRIFT_SIGMAS, NO_DRIFT, Drift
+from companion.safety.fold_back import (
+    ALIAS_ASIDE_M,
+    ALIAS_M,
+    KNOWN_M,
+    ON_BEAM_M,
+    FoldBackDetector,
+    OnBeam,
+)
 from companion.safety.obstacle_points import (
     GUESSED,
     KEPT_WITHIN_M,
@@ -44,8 +51,6 @@ from companion.safety.swept_space import NARROW, WIDE, Lane, SweptGrid, all_swep
 WITHIN_M, MAX_SIGMA_M = 2.5, 0.06
 """A detection is exact within this distance of the drone's centre, m, and below this standard
 deviation, m. It then replaces earlier points. Chosen."""
-ALIAS_ASIDE_M = 0.12
-"""A known point lies on a beam if it is closer to the beam than this, m. Chosen."""
 SURELY_M = 0.30
 """Margin beyond the alias of a reading, m. A point farther along the beam than alias plus margin is
 not the folded obstacle, even with drift. Chosen: otherwise a person who has walked away would block
@@ -190,7 +195,7 @@ class ObstacleMemory:
         `walls_m`: distance from a sensor to a wall of earlier flights along its beam.
         """
         self._points.forget(self._ne_m, scan.time_s)
-        self._fold_back.move_to(self._ne_m, self._yaw_rad)
+        self._fold_back.move_to(scan.time_s, self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
         is_among_legs = self._is_among_legs
         readings = dict(scan.readings)
@@ -203,14 +208,14 @@ class ObstacleMemory:
             line = self._line(unit, relative, yaw_rate_rad_s)
             is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
             measured = np.flatnonzero(is_on_it & is_measured)
-            known_m = float(line.along_m[measured].min(initial=math.inf)) - unit.offset_m
-            unfolded = readings[beam] = self._fold_back.unfolded(
-                beam, reading, known_m, walls_m.get(beam, math.inf)
-            )
+            wall_m = walls_m.get(beam, math.inf)
+            known = self._known(unit, line, measured, wall_m)
+            unfolded = readings[beam] = self._fold_back.unfolded(beam, reading, known)
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
             elsewhere = measured[self._points.is_detected_from_elsewhere(measured, eye_ne_m)]
-            free_m = _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m)
+            known_from_there_m = np.append(line.along_m[elsewhere] - unit.offset_m, wall_m)
+            free_m = _free_m(unfolded, unit, known_from_there_m)
             self._points.free_strips(scan.time_s, line, free_m)
             self._wide.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
             for proved_m in _proved_m(free_m, unfolded, unit) if is_among_legs else ():
@@ -231,6 +236,15 @@ class ObstacleMemory:
             self._points.add(place_ne_m, scan.time_s, found)
         self._fold_back.record_free(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
+
+    def _known(
+        self, unit: RangeUnit, line: LineOfSight, measured: Indices, wall_m: float
+    ) -> OnBeam:
+        """What is known near a beam: the measured points (n,) on its line, and a wall."""
+        aside_m = ON_BEAM_M + DRIFT_SIGMAS * self._points.drift_m(self._now_s)[measured]
+        points_m = line.along_m[measured] - unit.offset_m
+        is_close = np.abs(line.aside_m[measured]) < aside_m
+        return OnBeam(points_m, points_m[is_close], wall_m)
 
     def _line(self, unit: RangeUnit, relative: Array, yaw_rate_rad_s: float) -> LineOfSight:
         """Line of sight from the drone's position and heading when the sensor measured."""
@@ -264,8 +278,8 @@ def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> Vecto
     """Return start and end of the free part of the beam, from the drone's centre, m.
 
     A reading that may have folded back frees nothing up to its alias plus `SURELY_M`, except of
-    guessed points. It frees the whole beam if a point measured from elsewhere confirms it. Those
-    points are at `elsewhere_m` (n,) from the sensor.
+    guessed points. It frees the whole beam if a point measured from elsewhere, or a wall of earlier
+    flights, confirms it. They are at `elsewhere_m` (n,) from the sensor.
     """
     model = unit.model
     if reading.is_distance:

@@ -48,8 +48,9 @@ within half the thinnest leg of it. It would have detected a leg with its centre
 SEEN_THROUGH_M, FREED_WITHIN_S = 0.30, 10.0
 """A beam that continues this far beyond a point, m, frees its strip for this time, s. The point is
 deleted when all strips are free up to `MIN_STRIPS_M` plus the possible drift: most beams that pass
-a thin pole miss it. A guess needs fewer strips, since the obstacle may not exist. Chosen: the time
-covers two swings of the nose; later the strips drift over the obstacle."""
+a thin pole miss it. In the strips for the drift, a beam only has to end beyond the point: there it
+may have met a wall close behind. A guess needs fewer strips, since the obstacle may not exist.
+Chosen: the time covers two swings of the nose; later the strips drift over the obstacle."""
 TOGETHER_M = 0.20
 """A point is deleted only if all points within this distance, m, are free too. Points that are
 newer by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes
@@ -201,20 +202,19 @@ class ObstaclePoints:
 
     def free_strips(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
         """Update the strips with a beam that is free from `free_m[0]` to `free_m[1]`, m."""
-        from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
+        from_m, to_m = free_m
         # the strips end at 0.18 m, within the distance that counts as beside
         close = np.flatnonzero(np.abs(line.aside_m) < ALONE_TO_M)
         along_m, aside_m = line.along_m[close], line.aside_m[close]
         beyond = along_m > np.where(self._points[close, _KNOWN] > GUESSED, from_m, 0.0)
-        is_past = beyond & (along_m + VAGUE_SIGMAS * self._points[close, _SIGMA_M] < to_m)
-        past, aside_m = close[is_past], aside_m[is_past]
-        if not len(past):
-            return
-        row, strip = np.nonzero(_through(aside_m))
-        self._points[past[row], _FREED + strip] = time_s
-        beside = np.abs(aside_m) > ALONE_FROM_M
-        self._points[past[beside & (aside_m > 0)], _LEFT_S] = time_s
-        self._points[past[beside & (aside_m < 0)], _RIGHT_S] = time_s
+        left_m = to_m - (along_m + VAGUE_SIGMAS * self._points[close, _SIGMA_M])
+        is_drift = np.abs(aside_m) > MIN_STRIPS_M
+        is_past = beyond & (left_m > np.where(is_drift, 0.0, SEEN_THROUGH_M))
+        row, strip = np.nonzero(_through(aside_m[is_past]))
+        self._points[close[is_past][row], _FREED + strip] = time_s
+        is_beside = beyond & (left_m > SEEN_THROUGH_M) & (np.abs(aside_m) > ALONE_FROM_M)
+        self._points[close[is_beside & (aside_m > 0)], _LEFT_S] = time_s
+        self._points[close[is_beside & (aside_m < 0)], _RIGHT_S] = time_s
 
     def confirm(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
         """Confirm a point; move it to the beam's end if beams passed through its position.
