@@ -62,6 +62,7 @@ def report(result: LogMap) -> Report:
     return {
         "verdict": result.verdict.word,
         "reason": result.verdict.reason,
+        "better_than_odometry": result.verdict.better_than_odometry,
         "rows": _rows(log.reading, len(log.time_s)),
         "odometry_jumps": result.jumps,
         "duration_s": float(log.time_s[-1] - log.time_s[0]),

@@ -14,6 +14,7 @@ many are on walls. The method is cross-validation by predictive densities (Geiss
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from companion.core.arrays import Array, Indices
 from companion.estimation.hypotheses.chi_square import BEYOND_END_M
@@ -36,18 +37,33 @@ BLUR_SIGMAS = 4.0
 """Width of the blur kernel to either side, in sigmas. Chosen."""
 
 
-def gain(solution: IncrementalMap, m: Measured, units: RangeUnits) -> float:
-    """Mean log-likelihood gain per range, nats, by the map over the beam's own distribution.
+def gains(solution: IncrementalMap, m: Measured, units: RangeUnits) -> Array:
+    """(n,): log-likelihood gain of each range, nats, by the map over the beam's own distribution.
 
     A range without a wall along its beam has no gain. `units` contain the noise.
     """
+    gained = np.zeros(len(m.beam))
     residual_m = m.distance_m - _predicted_m(solution, m)
     known = np.flatnonzero(np.isfinite(residual_m))
-    if len(known) < MIN_PREDICTED:
-        return 0.0
-    sigma_m = units.sigma_m(m.beam, m.distance_m)
-    usual = _usual_per_m(m, sigma_m)[known] * sigma_m[known]
-    return float(_gains(residual_m[known] / sigma_m[known], usual).sum()) / len(m.beam)
+    if len(known) >= MIN_PREDICTED:
+        sigma_m = units.sigma_m(m.beam, m.distance_m)
+        usual = _usual_per_m(m, sigma_m)[known] * sigma_m[known]
+        gained[known] = _gains(residual_m[known] / sigma_m[known], usual)
+    return gained
+
+
+def predicts_better(found: Array, other: Array, m: Measured) -> float:
+    """Probability that one map predicts ranges better than another, from the gains (n,) of both.
+
+    By Student's t of the differences. Ranges of one stage have common errors, so each stage counts
+    as one observation (Liang and Zeger 1986).
+    """
+    stage = np.searchsorted(stages(m), m.frame, side="right")
+    by_stage = np.bincount(stage, found - other)[np.unique(stage)]
+    if len(by_stage) < 2 or not by_stage.any():
+        return 0.5
+    t = by_stage.sum() / np.sqrt((by_stage**2).sum())
+    return float(student_t.cdf(t, len(by_stage) - 1))
 
 
 def _predicted_m(solution: IncrementalMap, m: Measured) -> Array:

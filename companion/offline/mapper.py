@@ -14,13 +14,14 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import MIN_OPENING_M, wall_segments
 from companion.offline.growth import IncrementalMap
+from companion.offline.held_out import gains, predicts_better
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.reading.log import Log, Watch
 from companion.offline.reading.sensors import SensorsConfig
 from companion.offline.record import Record, poses_of_rows, to_record
 from companion.offline.scale import with_supported_scale
-from companion.offline.verdict import Agreement, MapVerdict, agreement, judge
+from companion.offline.verdict import Agreement, Correction, MapVerdict, agreement, judge
 
 ROWS_TO_OPEN = 2.5
 """Least width of an opening, in steps between rows. Chosen."""
@@ -63,10 +64,16 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
         estimate.finish()
     noise = estimate.smoother.models.ranges
     estimate = with_supported_scale(estimate, record.measured, noise)
-    found, uncorrected = (
-        agreement(solution, record, noise) for solution in (estimate, odometry_path)
+    gained, by_odometry = (
+        gains(solution, record.measured, noise) for solution in (estimate, odometry_path)
     )
-    verdict = judge(found, uncorrected)
+    found = agreement(estimate, record, gained)
+    uncorrected = agreement(odometry_path, record, by_odometry)
+    off_m = estimate.x.poses[:, :2] - odometry_path.x.poses[:, :2]
+    correction = Correction(
+        float(np.hypot(*off_m.T).mean()), predicts_better(gained, by_odometry, record.measured)
+    )
+    verdict = judge(found, correction)
     chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(

@@ -9,7 +9,7 @@ if the map with it predicts held-out ranges better.
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import Measured
 from companion.offline.growth import IncrementalMap
-from companion.offline.held_out import gain
+from companion.offline.held_out import gains
 
 LIKELY_SIGMAS = 2.0
 """A larger scale error is unlikely, in sigmas of the odometry's scale; 1 in 20 exceeds it.
@@ -28,6 +28,5 @@ def with_supported_scale(
     if abs(estimated.x.odometry_scale[0]) < LIKELY_SIGMAS * sigma:
         return estimated
     fixed = estimated.with_fixed_scale()
-    return (
-        estimated if gain(estimated, m, units) - gain(fixed, m, units) > MIN_DIFFERENCE else fixed
-    )
+    gained = gains(estimated, m, units) - gains(fixed, m, units)
+    return estimated if gained.mean() > MIN_DIFFERENCE else fixed

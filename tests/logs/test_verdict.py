@@ -12,10 +12,13 @@ from benchmarks.mapping.logs import outcome, row
 from benchmarks.mapping.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
 from companion.core.arrays import Array
 from companion.core.messages import Beam
+from companion.offline.held_out import predicts_better
 from companion.offline.mapper import LogMap, map_log
 from companion.offline.reading.log import Log as ReadLog
 from companion.offline.reading.log import Reading
 from companion.offline.reading.sensors import SensorsConfig
+from companion.offline.record import to_record
+from companion.offline.verdict import Correction, judge
 from sitl.world.format import Segment
 
 LOGS = Path(__file__).parents[3] / "shared" / "logs"
@@ -46,10 +49,13 @@ TO_AND_FRO = Flight(
 )
 
 
-def mapped(log: Log) -> LogMap:
+def read_of(log: Log) -> ReadLog:
     ranges = {beam: ranges.copy() for beam, ranges in log.ranges_m.items()}
-    read = ReadLog.of(log.time_s, log.odometry.copy(), ranges, None, Reading())
-    return map_log(read, SensorsConfig(), lambda activity, share: None)
+    return ReadLog.of(log.time_s, log.odometry.copy(), ranges, None, Reading())
+
+
+def mapped(log: Log) -> LogMap:
+    return map_log(read_of(log), SensorsConfig(), lambda activity, share: None)
 
 
 def error_m(path: Array, log: Log) -> float:
@@ -142,6 +148,34 @@ def test_walls_correct_a_large_odometry_scale_error(scale: float) -> None:
     assert result.verdict.trusted, result.verdict.reason
     assert result.odometry_scale_error == pytest.approx(1 / scale - 1, abs=0.03)
     assert error_m(result.path, log) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("correction", "wall_sigma_m", "trusted"),
+    [
+        (Correction(mean_m=2.0, is_better=0.99), 0.1, True),
+        (Correction(mean_m=2.0, is_better=0.8), 0.1, False),
+        (Correction(mean_m=0.1, is_better=0.5), 0.1, True),
+        (Correction(mean_m=2.0, is_better=0.99), 0.4, False),
+    ],
+)
+def test_a_map_far_from_the_odometry_needs_evidence_and_exact_walls(
+    correction: Correction, wall_sigma_m: float, *, trusted: bool
+) -> None:
+    """Maps of real logs whose odometry was good were 1 to 3 m off, and trusted."""
+    found = replace(mapped(record(L_ROOM, 3)).agreement, wall_sigma_m=wall_sigma_m)
+    verdict = judge(found, correction)
+    assert verdict.trusted == trusted
+    assert verdict.better_than_odometry == correction.is_better
+
+
+def test_equal_predictions_prove_nothing_and_better_ones_much() -> None:
+    m = to_record(read_of(record(L_ROOM, 3)), {}).measured
+    m = replace(m, frame=np.arange(0, len(m.dt_s), 2))
+    some = np.random.default_rng(1).normal(0.5, 0.3, len(m.frame))
+    assert predicts_better(some, some, m) == 0.5
+    assert predicts_better(some, np.zeros(len(some)), m) > 0.99
+    assert predicts_better(np.zeros(len(some)), some, m) < 0.01
 
 
 def test_a_log_with_exact_odometry_is_trusted() -> None:

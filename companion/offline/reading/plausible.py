@@ -13,8 +13,9 @@ from companion.core.errors import LogError
 
 MIN_ROWS = 10
 """A shorter log is not checked. Chosen."""
-MAX_INTERVAL_S, MIN_INTERVAL_S = 3.0, 1e-4
-"""Limits of the median interval of rows, s. Chosen: rows of a log are 0.05 to 1 s apart."""
+MAX_INTERVAL_S, MIN_INTERVAL_S = 5.0, 1e-4
+"""Limits of the median interval of rows, s. Chosen: rows of most logs are 0.05 to 1 s apart, those
+of some old robots 3 to 4 s; rows at 200 Hz in milliseconds would be 5 s apart."""
 TIME_UNITS = ((3e3, "milliseconds", "1000"), (3e6, "microseconds", "1e6"))
 """Up to the first value as median interval, the unit probably is the second, with the divisor."""
 MAX_REPEATED = 0.5
