@@ -13,6 +13,7 @@ from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import MIN_OPENING_M, wall_segments
+from companion.offline.conventions import likelier_axes
 from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gains, predicts_better
 from companion.offline.odometry_path import OdometryPath
@@ -52,6 +53,31 @@ class LogMap:
 
 def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     """The best map that the log supports."""
+    axes = likelier_axes(
+        log,
+        lambda changed: _odometry_gain(changed, sensors),
+        lambda changed: _mapped(changed, sensors, _silent).agreement.gain,
+    )
+    return _mapped(log, sensors, watch, axes)
+
+
+def _silent(activity: str, share: float) -> None:
+    """Ignore the progress."""
+
+
+def _odometry_gain(log: Log, sensors: SensorsConfig) -> float:
+    """Gain of the map by uncorrected odometry, nats per range (`held_out.py`)."""
+    beams = horizontal_beams(log, sensors)
+    record, units = (
+        to_record(log, beams),
+        RangeUnits({beam: one.unit for beam, one in beams.items()}),
+    )
+    gained = gains(_held_to_odometry(record, units, _support(log)), record.measured, units)
+    return float(gained.sum()) / max(len(gained), 1)
+
+
+def _mapped(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = None) -> LogMap:
+    """Map a log; `axes`: what to change in it, if its axes are probably others."""
     beams = horizontal_beams(log, sensors)
     record, support = to_record(log, beams), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})
@@ -73,7 +99,7 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     correction = Correction(
         float(np.hypot(*off_m.T).mean()), predicts_better(gained, by_odometry, record.measured)
     )
-    verdict = judge(found, correction)
+    verdict = judge(found, correction, axes)
     chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(

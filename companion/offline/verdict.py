@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.core.arrays import Array
+from companion.core.arrays import Array, Indices
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import ODOMETRY_SCALE, project
@@ -37,6 +37,9 @@ MAX_WALL_SIGMA_M = 0.25
 """Largest sigma of the walls, m, as a median. Chosen: 19 of 20 are then known to half a metre. On
 those logs it was 0.04 to 0.16 m where the path was right to 0.6 m, and 0.27 to 0.6 m where it was
 off by one to three."""
+CLOSE_M = 2 * MAX_WALL_SIGMA_M
+"""A path that is closer to the odometry, m, needs no proof that it is better. Chosen: it is off by
+no more than a trusted map may be."""
 MIN_SUPPORTED = 0.3
 """Least share of keyframes near hits on walls. Chosen."""
 NEAR_KEYFRAMES = 25
@@ -58,7 +61,7 @@ class Agreement:
     supported: float
     """Share of the keyframes with a hit on a wall nearby."""
     wall_sigma_m: float
-    """Median of the walls' sigmas; infinite without walls."""
+    """Sigma of the wall of a hit, as a median; infinite without hits on walls."""
     gain: float
     """Nats by which the map makes a held-out range more likely (`held_out.py`)."""
     motion_misfit: float
@@ -106,7 +109,7 @@ def agreement(solution: IncrementalMap, record: Record, gains: Array) -> Agreeme
         hits=len(m.beam),
         walls=len(x.walls),
         explained=len(on_wall) / max(len(m.beam), 1),
-        wall_sigma_m=float(np.median([line.sigma_m for line in lines])) if lines else math.inf,
+        wall_sigma_m=_median([line.sigma_m for line in lines], wall),
         gain=float(gains.sum()) / max(len(gains), 1),
         rms_m=_rms(across),
         rms_sigmas=_rms(residuals),
@@ -116,20 +119,21 @@ def agreement(solution: IncrementalMap, record: Record, gains: Array) -> Agreeme
     )
 
 
-def judge(found: Agreement, correction: Correction) -> MapVerdict:
-    """Judge the estimated map."""
+def judge(found: Agreement, correction: Correction, axes: str | None = None) -> MapVerdict:
+    """Judge the estimated map; `axes` as in `likelier_axes`."""
     share = f"{100 * found.explained:.0f} % of the ranges agree with the map"
     likelier = f"the map makes held-out ranges {math.exp(found.gain):.2f} times as likely"
     strain = f"{found.motion_misfit:.1f} sigmas RMS, scale error {100 * found.scale_error:.0f} %"
     objections = (
         (found.hits < MIN_HITS, f"only {found.hits} ranges"),
         (not found.walls, "no straight wall found"),
+        (axes is not None, f"the axes of the log are probably others: it fits better with {axes}"),
         (
             found.gain < MIN_GAIN,
             f"only {share}, and {likelier}; the limit is {math.exp(MIN_GAIN):.2f}",
         ),
         (
-            correction.is_better < MIN_BETTER and correction.mean_m > MAX_WALL_SIGMA_M,
+            correction.is_better < MIN_BETTER and correction.mean_m > CLOSE_M,
             f"{share}, but it lies {correction.mean_m:.2f} m from the odometry, and the ranges do "
             f"not show that it is better: probability {100 * correction.is_better:.0f} %",
         ),
@@ -148,6 +152,10 @@ def judge(found: Agreement, correction: Correction) -> MapVerdict:
     )
     reason = next((reason for applies, reason in objections if applies), None)
     return MapVerdict(reason is None, reason or share, correction.is_better)
+
+
+def _median(sigma_m: list[float], wall: Indices) -> float:
+    return float(np.median(np.array(sigma_m)[wall])) if len(wall) else math.inf
 
 
 def _rms(values: Array) -> float:

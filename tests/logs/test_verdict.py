@@ -150,6 +150,46 @@ def test_walls_correct_a_large_odometry_scale_error(scale: float) -> None:
     assert error_m(result.path, log) < 0.15
 
 
+def yaw_counter_clockwise(log: Log) -> Log:
+    return replace(log, odometry=log.odometry * (1, 1, -1))
+
+
+def y_to_the_left(log: Log) -> Log:
+    return replace(log, odometry=log.odometry * (1, -1, -1))
+
+
+def x_to_the_east(log: Log) -> Log:
+    return replace(log, odometry=log.odometry[:, [1, 0, 2]])
+
+
+def left_is_right(log: Log) -> Log:
+    left, right = log.ranges_m[Beam.LEFT], log.ranges_m[Beam.RIGHT]
+    return replace(log, ranges_m={**log.ranges_m, Beam.LEFT: right, Beam.RIGHT: left})
+
+
+@pytest.mark.parametrize(
+    ("confused", "remedy"),
+    [
+        (yaw_counter_clockwise, "with odom_yaw_rad and the gyro negated"),
+        (y_to_the_left, "or odom_y_m, odom_yaw_rad and the gyro negated"),
+        (x_to_the_east, "with odom_x_m and odom_y_m exchanged"),
+        (left_is_right, "with left_m and right_m exchanged"),
+    ],
+)
+def test_a_log_with_other_axes_names_the_likelier_ones(
+    confused: Callable[[Log], Log], remedy: str
+) -> None:
+    log = confused(with_wheel_odometry(record(L_ROOM, 1), 0.5, 1))
+    result = mapped(log)
+    assert not result.verdict.trusted
+    assert remedy in result.verdict.reason
+    np.testing.assert_array_equal(result.path, log.odometry)
+
+
+def test_ranges_without_a_place_name_no_other_axes() -> None:
+    assert "axes" not in mapped(shuffled(record(L_ROOM, 1))).verdict.reason
+
+
 @pytest.mark.parametrize(
     ("correction", "wall_sigma_m", "trusted"),
     [
