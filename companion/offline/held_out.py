@@ -52,6 +52,11 @@ def gains(solution: IncrementalMap, m: Measured, units: RangeUnits) -> Array:
     return gained
 
 
+def mean_gain(gained: Array) -> float:
+    """Mean of the gains (n,); 0 without ranges."""
+    return float(gained.sum()) / max(len(gained), 1)
+
+
 def predicts_better(found: Array, other: Array, m: Measured) -> float:
     """Probability that one map predicts ranges better than another, from the gains (n,) of both.
 

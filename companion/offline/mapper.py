@@ -15,7 +15,7 @@ from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import MIN_OPENING_M, wall_segments
 from companion.offline.conventions import likelier_axes
 from companion.offline.growth import IncrementalMap
-from companion.offline.held_out import gains, predicts_better
+from companion.offline.held_out import gains, mean_gain, predicts_better
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.reading.log import Log, Watch
@@ -68,12 +68,9 @@ def _silent(activity: str, share: float) -> None:
 def _odometry_gain(log: Log, sensors: SensorsConfig) -> float:
     """Gain of the map by uncorrected odometry, nats per range (`held_out.py`)."""
     beams = horizontal_beams(log, sensors)
-    record, units = (
-        to_record(log, beams),
-        RangeUnits({beam: one.unit for beam, one in beams.items()}),
-    )
-    gained = gains(_held_to_odometry(record, units, _support(log)), record.measured, units)
-    return float(gained.sum()) / max(len(gained), 1)
+    record = to_record(log, beams)
+    units = RangeUnits({beam: one.unit for beam, one in beams.items()})
+    return mean_gain(gains(_held_to_odometry(record, units, _support(log)), record.measured, units))
 
 
 def _mapped(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = None) -> LogMap:
@@ -95,11 +92,9 @@ def _mapped(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = N
     )
     found = agreement(estimate, record, gained)
     uncorrected = agreement(odometry_path, record, by_odometry)
-    off_m = estimate.x.poses[:, :2] - odometry_path.x.poses[:, :2]
-    correction = Correction(
-        float(np.hypot(*off_m.T).mean()), predicts_better(gained, by_odometry, record.measured)
-    )
-    verdict = judge(found, correction, axes)
+    off_m = np.hypot(*(estimate.x.poses[:, :2] - odometry_path.x.poses[:, :2]).T)
+    is_better = predicts_better(gained, by_odometry, record.measured)
+    verdict = judge(found, Correction(float(off_m.mean()), is_better), axes)
     chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(

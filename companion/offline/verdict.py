@@ -14,6 +14,7 @@ from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import ODOMETRY_SCALE, project
 from companion.offline.growth import IncrementalMap
+from companion.offline.held_out import mean_gain
 from companion.offline.record import Record
 
 MIN_GAIN = 0.3
@@ -110,7 +111,7 @@ def agreement(solution: IncrementalMap, record: Record, gains: Array) -> Agreeme
         walls=len(x.walls),
         explained=len(on_wall) / max(len(m.beam), 1),
         wall_sigma_m=_median([line.sigma_m for line in lines], wall),
-        gain=float(gains.sum()) / max(len(gains), 1),
+        gain=mean_gain(gains),
         rms_m=_rms(across),
         rms_sigmas=_rms(residuals),
         supported=float(frames.mean()),

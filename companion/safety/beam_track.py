@@ -1,10 +1,8 @@
 """Tells whether a beam that turns has followed a straight wall.
 
-    reading         far wall: the readings         near wall: the readings have folded
-    ambiguous       lie on a straight line         back, and lie on a curve
-
-In a turn of 30° the two differ. Without a turn they do not: the far image of a wall that comes near
-beside a drone in straight flight is almost straight, too.
+In a turn, the readings of a wall lie on a straight line. Readings of a nearer wall that have folded
+back lie on a curve. Without a turn the two cannot be told: beside a drone in straight flight, the
+far image of a wall that comes near is almost straight, too.
 """
 
 import math
@@ -20,9 +18,9 @@ LEAST_TURN_RAD = math.radians(30)
 STRAIGHT_M = 0.025
 """Least turn, and largest root mean square distance of the ends from a line, m.
 
-Computed for a gp2y0a710k0f that turns towards a wall at 0.25 to 0.44 m from the sensor, also with
-0.8 m of motion along it in each radian: the ends of the folded readings are 0.029 m or more off a
-line. In 552 s in corridors of 1 m, with true ranges: at least 0.039 m.
+Computed for a gp2y0a710k0f that turns by 30° or more towards a wall at 0.25 to 0.44 m from the
+sensor, also with 0.8 m of motion along it in each radian: the ends of the folded readings are
+0.065 m or more off a line. Measured in 552 s in corridors of 1 m: at least 0.054 m.
 """
 LEAST_TO_WALL_M = 0.3
 """Least distance of the drone's centre from the line, m. Chosen: a body's radius and margin. A line
