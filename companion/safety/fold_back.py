@@ -85,9 +85,7 @@ class OnBeam:
 
     def is_nearest_at(self, distance_m: float) -> bool:
         """Return True if the nearest point or wall lies at a distance."""
-        return bool(
-            (np.abs((self.nearest_m - distance_m, self.wall_m - distance_m)) <= KNOWN_M).any()
-        )
+        return min(abs(self.nearest_m - distance_m), abs(self.wall_m - distance_m)) <= KNOWN_M
 
     def rather_explains(self, distance_m: float, alias_m: float) -> bool:
         """Return True if something known lies at the reading, and nothing exactly at its alias.
@@ -127,19 +125,22 @@ class FoldBackDetector:
         model = self._units[beam].model
         alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
         self._track(beam, reading.distance_m, alias_m)
-        approaches = beam in self._over_peak and abs(alias_m - was_m) < MAX_STEP_M
-        approaches &= not known.is_nearest_at(reading.distance_m)
+        approaches = (
+            beam in self._over_peak
+            and abs(alias_m - was_m) < MAX_STEP_M
+            and not known.is_nearest_at(reading.distance_m)
+        )
         is_on_wall = _is_at(known.wall_m, reading, alias_m)
         if (approaches or is_on_wall) and self._freed_by(beam, alias_m) >= FREEING_BEAMS:
             approaches = is_on_wall = False
+        self._followed.discard(beam)
         if approaches and self._tracks[beam].is_wall(self._ne_m):
             self._followed.add(beam)
             approaches = False
-        else:
-            self._followed.discard(beam)
-        is_on_known = is_on_wall or _is_at(known.nearest_m, reading, alias_m)
-        is_on_known &= not known.rather_explains(reading.distance_m, alias_m)
-        has_folded = approaches or is_on_known
+        has_folded = approaches or (
+            (is_on_wall or _is_at(known.nearest_m, reading, alias_m))
+            and not known.rather_explains(reading.distance_m, alias_m)
+        )
         if reading.is_distance and has_folded:
             reading = RangeReading(RangeState.TOO_NEAR, alias_m)
         if reading.state is not RangeState.TOO_NEAR and beam not in self._followed:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from companion.core.arrays import Array, Indices, Mask
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2, moved, points_to_frd, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -201,6 +201,7 @@ class ObstacleMemory:
         readings = dict(scan.readings)
         new: list[tuple[Vector2, Detection]] = []
         is_measured, is_sure = self._points.is_measured, self._points.is_sure
+        drift_m = self._points.drift_m(self._now_s)
         for beam in BEARING_FRD_RAD:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
@@ -209,7 +210,10 @@ class ObstacleMemory:
             is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
             measured = np.flatnonzero(is_on_it & is_measured)
             wall_m = walls_m.get(beam, math.inf)
-            known = self._known(unit, line, measured, wall_m)
+            points_m = line.along_m[measured] - unit.offset_m
+            on_beam_m = ON_BEAM_M + DRIFT_SIGMAS * drift_m[measured]
+            is_close = np.abs(line.aside_m[measured]) < on_beam_m
+            known = OnBeam(points_m, points_m[is_close], wall_m)
             unfolded = readings[beam] = self._fold_back.unfolded(beam, reading, known)
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
@@ -236,15 +240,6 @@ class ObstacleMemory:
             self._points.add(place_ne_m, scan.time_s, found)
         self._fold_back.record_free(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
-
-    def _known(
-        self, unit: RangeUnit, line: LineOfSight, measured: Indices, wall_m: float
-    ) -> OnBeam:
-        """What is known near a beam: the measured points (n,) on its line, and a wall."""
-        aside_m = ON_BEAM_M + DRIFT_SIGMAS * self._points.drift_m(self._now_s)[measured]
-        points_m = line.along_m[measured] - unit.offset_m
-        is_close = np.abs(line.aside_m[measured]) < aside_m
-        return OnBeam(points_m, points_m[is_close], wall_m)
 
     def _line(self, unit: RangeUnit, relative: Array, yaw_rate_rad_s: float) -> LineOfSight:
         """Line of sight from the drone's position and heading when the sensor measured."""

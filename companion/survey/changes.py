@@ -9,8 +9,10 @@ Longer changes are listed:
     passed     there      -          the piece is new
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 
@@ -29,6 +31,10 @@ MIN_BEAMS = 4
 MIN_CHANGED_M = 0.4
 """Least length of a change, m. Chosen: the least opening in a wall; shorter ones may be errors of a
 pose at the end of a wall."""
+APART_M, ASIDE_M = 0.15, 0.1
+"""Two changes are one if their ends are closer than the first, m, and the longer line through both
+passes their inner ends closer than the second, m. Chosen: half a piece, and the offset of a door
+from the wall in which it stands."""
 THERE, PASSED, UNKNOWN = 1, -1, 0
 """What a flight shows of a piece."""
 
@@ -42,6 +48,17 @@ class Change:
     """Number of the first flight that found the change, from 0."""
     start_ne_m: Vector2
     end_ne_m: Vector2
+
+    @property
+    def length_m(self) -> float:
+        return math.dist(self.start_ne_m, self.end_ne_m)
+
+    def off_m(self, place_ne_m: Vector2) -> float:
+        """Distance of a place from its line, m."""
+        (north_m, east_m), (to_north_m, to_east_m) = self.start_ne_m, self.end_ne_m
+        ahead = to_north_m - north_m, to_east_m - east_m
+        off = place_ne_m[0] - north_m, place_ne_m[1] - east_m
+        return abs(off[0] * ahead[1] - off[1] * ahead[0]) / max(self.length_m, 1e-9)
 
     def in_words(self, flight: str) -> str:
         """One line for the user; `flight`: name of the flight that found the change."""
@@ -68,17 +85,40 @@ def changes(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Ch
     last, since = _last(shown)
     is_gone = (last == PASSED) & (shown == THERE).any(axis=1)
     is_new = (last == THERE) & _was_passed_before(shown, since)
-    listed: list[Change] = []
+    found: list[Change] = []
     for changed, new in ((is_gone, False), (is_new, True)):
         for run in _runs(seen, changed, since):
             pieces = seen.pieces
             wall, low_m, high_m = pieces.wall[run[0]], pieces.low_m[run[0]], pieces.high_m[run[-1]]
-            if high_m - low_m < MIN_CHANGED_M:
-                continue
             start, end = (place_on(x.walls[wall], along_m) for along_m in (low_m, high_m))
-            listed.append(Change(new, int(since[run[0]]), start, end))
+            found.append(Change(new, int(since[run[0]]), start, end))
+    listed = [each for each in joined(found) if each.length_m >= MIN_CHANGED_M]
     kept = _without(x, m, wall_of, seen.hit[(last == PASSED)[seen.stopped]])
     return Changes(tuple(sorted(listed, key=lambda each: each.flight)), kept)
+
+
+def joined(found: Sequence[Change]) -> list[Change]:
+    """The changes, with those that continue each other in a line as one."""
+    left = list(found)
+    for one, other in combinations(found, 2):
+        whole = _both(one, other)
+        if whole is not None:
+            return joined([each for each in left if each not in (one, other)] + [whole])
+    return left
+
+
+def _both(one: Change, other: Change) -> Change | None:
+    """Two changes as one, or None if they do not continue each other."""
+    if (one.is_new, one.flight) != (other.is_new, other.flight):
+        return None
+    ends = ((one.start_ne_m, one.end_ne_m), (other.start_ne_m, other.end_ne_m))
+    outer = max(product(*ends), key=lambda pair: math.dist(*pair))
+    inner = [end if far == start else start for (start, end), far in zip(ends, outer, strict=True)]
+    whole = Change(one.is_new, one.flight, *outer)
+    lengths_m = one.length_m + other.length_m
+    is_straight = all(whole.off_m(each) <= ASIDE_M for each in inner)
+    continues = math.dist(*inner) <= APART_M and whole.length_m >= max(lengths_m - APART_M, 1e-9)
+    return whole if is_straight and continues else None
 
 
 def _without(x: Unknowns, m: Measured, wall_of: Indices, gone: Indices) -> Indices:

@@ -7,7 +7,7 @@ import pytest
 
 from companion.config import settings
 from companion.core.frames import frd_to_ned
-from companion.survey.changes import Change
+from companion.survey.changes import Change, joined
 from sitl.running.sorties import Sortie, Sorties
 from sitl.sensors.beam import RAY
 from sitl.simulation.simulation import Setup
@@ -47,6 +47,20 @@ def sorties() -> list[Sortie]:
     config = settings.load(None, {"mission.kind": "building", "mission.time_limit_s": 120.0})
     setup = Setup(before, "two rooms", 2, config.sensors, "ardupilot", {}, RAY, battery_s=120.0)
     return list(Sorties(setup, config, lambda _: None, tell=print, then=after).fly(3))
+
+
+def test_changes_that_continue_each_other_are_one() -> None:
+    """A door that was shut between two walls of the map was listed in two pieces."""
+    door, rest = ((0.0, 1.0), (0.02, 1.7)), ((0.03, 2.4), (0.02, 1.75))
+    [whole] = joined([Change(True, 1, *door), Change(True, 1, *rest)])
+    assert {whole.start_ne_m, whole.end_ne_m} == {(0.0, 1.0), (0.03, 2.4)}
+    around_a_corner = Change(True, 1, (0.02, 1.75), (0.7, 1.75))
+    of_another_flight = Change(True, 2, *rest)
+    gone = Change(False, 1, *rest)
+    beyond_a_gap = Change(True, 1, (0.0, 2.0), (0.0, 2.5))
+    on_top = Change(True, 1, (0.05, 1.7), (0.05, 1.1))
+    for other in (around_a_corner, of_another_flight, gone, beyond_a_gap, on_top):
+        assert len(joined([Change(True, 1, *door), other])) == 2
 
 
 def in_world(change: Change) -> list[tuple[float, float]]:
