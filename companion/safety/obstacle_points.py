@@ -210,6 +210,8 @@ class ObstaclePoints:
         left_m = to_m - (along_m + VAGUE_SIGMAS * self._points[close, _SIGMA_M])
         is_drift = np.abs(aside_m) > MIN_STRIPS_M
         is_past = beyond & (left_m > np.where(is_drift, 0.0, SEEN_THROUGH_M))
+        if not is_past.any():
+            return
         row, strip = np.nonzero(_through(aside_m[is_past]))
         self._points[close[is_past][row], _FREED + strip] = time_s
         is_beside = beyond & (left_m > SEEN_THROUGH_M) & (np.abs(aside_m) > ALONE_FROM_M)
