@@ -6,6 +6,7 @@ A crash loses nothing: each file is complete before it has its name. After a cra
 and deletion a row is in two files; readers take it once.
 """
 
+import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,8 @@ from sitl.core.errors import SitlError
 
 KEY = ("flight", "program")
 """Columns that identify a row: the settings, and the program that has flown them."""
+MIXED = b"mixed"
+"""Metadata of a file: its columns whose values are JSON, because text and numbers are mixed."""
 JOIN_AT = 100
 """Number of small files that are joined. Chosen."""
 
@@ -89,10 +92,30 @@ def save_table(rows: Sequence[Row], path: Path) -> None:
     """
 
     def write(rows: Sequence[Row], file: Path) -> None:
-        tables = [pa.Table.from_pylist([row]) for row in rows]
-        parquet.write_table(pa.concat_tables(tables, promote_options="permissive"), file)
+        mixed = _mixed_columns(rows)
+        plain = [
+            {
+                key: json.dumps(value) if key in mixed and value is not None else value
+                for key, value in row.items()
+            }
+            for row in rows
+        ]
+        table = pa.concat_tables(
+            [pa.Table.from_pylist([row]) for row in plain], promote_options="permissive"
+        )
+        parquet.write_table(table.replace_schema_metadata({MIXED: json.dumps(mixed)}), file)
 
     save_as(write, rows, path)
+
+
+def _mixed_columns(rows: Sequence[Row]) -> list[str]:
+    """Columns with text in some rows and other values in others, such as a distance or `range`."""
+    is_text: dict[str, set[bool]] = {}
+    for row in rows:
+        for key, value in row.items():
+            if value is not None:
+                is_text.setdefault(key, set()).add(isinstance(value, str))
+    return sorted(key for key, kinds in is_text.items() if len(kinds) > 1)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -105,5 +128,10 @@ def _read(path: Path) -> Iterator[Row]:
     except (OSError, pa.ArrowInvalid) as error:
         remedy = "delete it, and its flights are flown again"
         raise ResultsError(f"{path}: {error}; {remedy}") from error
+    mixed = set(json.loads((table.schema.metadata or {}).get(MIXED, b"[]")))
     for row in table.to_pylist():
-        yield {key: value for key, value in row.items() if value is not None or key in KEY}
+        yield {
+            key: json.loads(value) if key in mixed and value is not None else value
+            for key, value in row.items()
+            if value is not None or key in KEY
+        }

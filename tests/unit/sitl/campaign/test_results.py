@@ -35,6 +35,12 @@ def filled(folder: Path, rows: list[Row]) -> Path:
     return folder
 
 
+def test_a_setting_may_be_a_number_in_one_row_and_text_in_another(tmp_path: Path) -> None:
+    """The hundredth row of a campaign with `mission.standoff` of 1.5 and `range` was lost."""
+    rows = [row(n, standoff=1.5 if n % 2 else "range") for n in range(JOIN_AT + 1)]
+    assert read_rows(filled(tmp_path, rows)) == rows
+
+
 def test_rows_come_back_in_their_order_with_their_types(tmp_path: Path) -> None:
     rows = [row(3, hits_north_m=[1.5, 2.0]), row(1, coverage=1), row(2, note="more", start="1")]
     assert read_rows(filled(tmp_path, rows)) == rows
