@@ -7,42 +7,31 @@ limits their length. Then `python -m benchmarks.mapping.logs DIR` prints their t
 """
 
 import argparse
-import csv
 import gzip
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.mapping.offline_logs import Log, write_csv
 from companion.core.arrays import Array
-from companion.core.frames import wrap_rad
+from companion.core.messages import Beam
+from companion.offline.files import path_tum
 
 MAX_M = 5.5
 """Range of the cheap sensors, m: that of a GP2Y0A710K0F."""
-BEARINGS_DEG = {"front_m": 0, "left_m": 90, "right_m": -90}
+BEARINGS_DEG = {Beam.FRONT: 0, Beam.LEFT: 90, Beam.RIGHT: -90}
 """Bearing of each beam in the laser's frame, counter-clockwise."""
+TO_NED = np.array([1.0, -1.0, -1.0])
+"""Signs of x, y and heading: CARMEN has y to the left, and turns counter-clockwise."""
 SCALE_SIGMA, STEP_M_PER_SQRT_M, TURN_DEG_PER_SQRT_M, TURN_SHARE = 0.02, 0.01, 1.0, 0.02
 """Noise of the odometry: of its scale; of a step, m, and of a heading, degrees, for each square
 root of a metre; of a turn, as a share of it. Chosen: that of a wheeled robot on a hard floor."""
-HEADER = "time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad", *BEARINGS_DEG
 
 
-@dataclass(frozen=True, slots=True)
-class LaserLog:
-    """Scans of one log, in NED: yaw clockwise."""
-
-    time_s: Array
-    path: Array
-    """(n, 3): north, east, yaw."""
-    odometry: Array
-    """(n, 3): the same by the last odometry before each scan."""
-    ranges_m: Array
-    """(n, 3): of each beam; NaN beyond `MAX_M`."""
-
-
-def read(path: Path) -> LaserLog:
-    """Read the FLASER and ODOM lines of a log, which may be compressed."""
+def read(path: Path, seconds: float) -> Log:
+    """Read the FLASER and ODOM lines of a log, which may be compressed; the path is the truth."""
     content = path.read_bytes()
     text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
     scans, odometry = [], [0.0, 0.0, 0.0]
@@ -57,9 +46,10 @@ def read(path: Path) -> LaserLog:
             time_s = float(fields[1 + beams + 6])
             scans.append((time_s, *pose, *odometry, *_cut_down(ranges)))
     rows = np.array(scans)
-    rows = rows[np.diff(rows[:, 0], prepend=-np.inf) > 0]
-    ned = np.array([1.0, -1.0, -1.0])
-    return LaserLog(rows[:, 0], rows[:, 1:4] * ned, rows[:, 4:7] * ned, rows[:, 7:])
+    is_later = np.diff(rows[:, 0], prepend=-np.inf) > 0
+    rows = rows[is_later & (rows[:, 0] - rows[0, 0] <= seconds)]
+    ranges_m = dict(zip(BEARINGS_DEG, rows[:, 7:].T, strict=True))
+    return Log(rows[:, 0], rows[:, 4:7] * TO_NED, ranges_m, rows[:, 1:4] * TO_NED)
 
 
 def _cut_down(ranges_m: list[float]) -> list[float]:
@@ -84,25 +74,11 @@ def with_noise(path: Array, seed: int = 1) -> Array:
     return np.column_stack([path[0, 0] + place.real, path[0, 1] + place.imag, heading])
 
 
-def write(log: LaserLog, odometry: Array, path: Path) -> None:
+def write(log: Log, path: Path) -> None:
     """Write a log for `companion map`, and the reference beside it."""
-    with path.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(HEADER)
-        for time_s, (x_m, y_m, yaw_rad), ranges_m in zip(
-            log.time_s.tolist(), odometry.tolist(), log.ranges_m.tolist(), strict=True
-        ):
-            beams = ("" if math.isnan(each) else f"{each:.3f}" for each in ranges_m)
-            place = f"{x_m:.5f}", f"{y_m:.5f}", f"{wrap_rad(yaw_rad):.6f}"
-            rows.writerow((f"{time_s:.6f}", *place, *beams))
-    lines = (
-        f"{time_s:.6f} {north_m:.5f} {east_m:.5f} 0 0 0 "
-        f"{math.sin(yaw_rad / 2):.6f} {math.cos(yaw_rad / 2):.6f}\n"
-        for time_s, (north_m, east_m, yaw_rad) in zip(
-            log.time_s.tolist(), log.path.tolist(), strict=True
-        )
-    )
-    path.with_name(f"{path.stem}.reference.tum").write_text("".join(lines))
+    write_csv(log, path)
+    reference = path.with_name(f"{path.stem}.reference.tum")
+    reference.write_text(path_tum(log.time_s, log.truth))
 
 
 def main() -> None:
@@ -113,14 +89,10 @@ def main() -> None:
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     for source in given.logs:
-        whole = read(source)
-        rows = whole.time_s - whole.time_s[0] <= given.seconds
-        log = LaserLog(
-            whole.time_s[rows], whole.path[rows], whole.odometry[rows], whole.ranges_m[rows]
-        )
+        log = read(source, given.seconds)
         name = source.name.split(".")[0].removesuffix("-corrected").replace("-", "_")
-        write(log, log.odometry, given.out / f"{name}.csv")
-        write(log, with_noise(log.path), given.out / f"{name}_noisy.csv")
+        write(log, given.out / f"{name}.csv")
+        write(replace(log, odometry=with_noise(log.truth)), given.out / f"{name}_noisy.csv")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from companion.core.errors import LogError
 from companion.offline.files import trajectory_tum
 from companion.offline.mapper import LogMap, map_log
 from companion.offline.reading import sensors
-from companion.offline.reading.log import Log
+from companion.offline.reading.log import Log, ignore
 from companion.offline.reading.readers import READERS, read_log
 
 LOGS_FOLDER = Path(__file__).parents[3] / "shared" / "logs"
@@ -48,7 +48,7 @@ def outcome(path: Path) -> Outcome:
         LogError: the log is rejected.
     """
     start_s = time.process_time()
-    result = map_log(read_log(path, _ignore), sensors.load(None, path), _ignore)
+    result = map_log(read_log(path, ignore), sensors.load(None, path), ignore)
     cpu_s = time.process_time() - start_s
     reference = _reference_of(path)
     if reference is None:
@@ -96,10 +96,6 @@ def _name(path: Path) -> str:
 def _reference_of(log: Path) -> Path | None:
     beside = (log.with_name(_name(log) + end) for end in REFERENCES)
     return next((path for path in beside if path.is_file()), None)
-
-
-def _ignore(activity: str, share: float) -> None:
-    """Ignore the progress."""
 
 
 def _handed_out(result: LogMap) -> PoseTrajectory3D:

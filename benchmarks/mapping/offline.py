@@ -18,6 +18,7 @@ from benchmarks.mapping.offline_logs import SCENARIOS, Log, record, write_csv
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Pose
 from companion.offline.mapper import map_log, odometry_map
+from companion.offline.reading.log import ignore
 from companion.offline.reading.readers import read_log
 from companion.offline.reading.sensors import SensorsConfig
 from sitl.scoring.score import MapScore, TrajectoryScore, score_map, score_trajectory
@@ -50,17 +51,13 @@ def outcome(name: str, seed: int, rate_hz: float | None = None) -> Outcome:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         write_csv(truth, path)
-        log = read_log(path, _ignore)
-    result = map_log(log, SensorsConfig(), _ignore)
+        log = read_log(path, ignore)
+    result = map_log(log, SensorsConfig(), ignore)
     return Outcome(
         result.verdict.trusted,
         _score(truth, result.plan, result.path),
         _score(truth, odometry_map(log, SensorsConfig()), log.odometry),
     )
-
-
-def _ignore(activity: str, share: float) -> None:
-    """Ignore the progress."""
 
 
 def _score(truth: Log, plan: FloorPlan, path: Array) -> Score:

@@ -45,14 +45,19 @@ def report_json(result: LogMap) -> str:
 
 
 def trajectory_tum(result: LogMap) -> str:
-    """One line per row: time x y z qx qy qz qw, in the log's own NED frame."""
-    half = result.path[:, 2] / 2
+    """The trajectory of a map as by `path_tum`."""
+    return path_tum(result.log.time_s, result.path)
+
+
+def path_tum(time_s: Array, path: Array) -> str:
+    """One line per row of a path (n, 3): time x y z qx qy qz qw, in its own NED frame."""
+    half = path[:, 2] / 2
     zero = np.zeros(len(half))
-    columns = (*result.path[:, :2].T, zero, zero, zero, np.sin(half), np.cos(half))
-    rows = zip(result.log.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
+    columns = (*path[:, :2].T, zero, zero, zero, np.sin(half), np.cos(half))
+    rows = zip(time_s.tolist(), *(column.tolist() for column in columns), strict=True)
     return "".join(
-        f"{time_s:.6f} {x:.4f} {y:.4f} {z:.4f} {qx:.6f} {qy:.6f} {qz:.6f} {qw:.6f}\n"
-        for time_s, x, y, z, qx, qy, qz, qw in rows
+        f"{at_s:.6f} {x:.4f} {y:.4f} {z:.4f} {qx:.6f} {qy:.6f} {qz:.6f} {qw:.6f}\n"
+        for at_s, x, y, z, qx, qy, qz, qw in rows
     )
 
 

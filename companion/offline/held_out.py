@@ -14,7 +14,7 @@ many are on walls. The method is cross-validation by predictive densities (Geiss
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtr
 
 from companion.core.arrays import Array, Indices
 from companion.estimation.hypotheses.chi_square import BEYOND_END_M
@@ -68,7 +68,7 @@ def predicts_better(found: Array, other: Array, m: Measured) -> float:
     if len(by_stage) < 2 or not by_stage.any():
         return 0.5
     t = by_stage.sum() / np.sqrt((by_stage**2).sum())
-    return float(student_t.cdf(t, len(by_stage) - 1))
+    return float(stdtr(len(by_stage) - 1, t))
 
 
 def _predicted_m(solution: IncrementalMap, m: Measured) -> Array:

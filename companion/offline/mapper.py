@@ -18,7 +18,7 @@ from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gains, mean_gain, predicts_better
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
-from companion.offline.reading.log import Log, Watch
+from companion.offline.reading.log import Log, Watch, ignore
 from companion.offline.reading.sensors import SensorsConfig
 from companion.offline.record import Record, poses_of_rows, to_record
 from companion.offline.scale import with_supported_scale
@@ -56,13 +56,9 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     axes = likelier_axes(
         log,
         lambda changed: _odometry_gain(changed, sensors),
-        lambda changed: _mapped(changed, sensors, _silent).agreement.gain,
+        lambda changed: _mapped(changed, sensors, ignore).agreement.gain,
     )
     return _mapped(log, sensors, watch, axes)
-
-
-def _silent(activity: str, share: float) -> None:
-    """Ignore the progress."""
 
 
 def _odometry_gain(log: Log, sensors: SensorsConfig) -> float:

@@ -9,6 +9,7 @@ and deletion a row is in two files; readers take it once.
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from sitl.core.errors import SitlError
 KEY = ("flight", "program")
 """Columns that identify a row: the settings, and the program that has flown them."""
 MIXED = b"mixed"
-"""Metadata of a file: its columns whose values are JSON, because text and numbers are mixed."""
+"""Metadata of a file: the list of its columns whose values are JSON."""
 JOIN_AT = 100
 """Number of small files that are joined. Chosen."""
 
@@ -87,6 +88,8 @@ def read_rows(folder: Path) -> list[Row]:
 def save_table(rows: Sequence[Row], path: Path) -> None:
     """Write rows as one Parquet file; a column that a row lacks is empty there.
 
+    A column whose values are of several kinds, such as a distance or `range`, has them as JSON.
+
     Raises:
         OutputError: it cannot be written.
     """
@@ -109,13 +112,25 @@ def save_table(rows: Sequence[Row], path: Path) -> None:
 
 
 def _mixed_columns(rows: Sequence[Row]) -> list[str]:
-    """Columns with text in some rows and other values in others, such as a distance or `range`."""
-    is_text: dict[str, set[bool]] = {}
+    """Columns with values of several kinds; Parquet has one type for each column."""
+    kinds: dict[str, set[str]] = {}
     for row in rows:
         for key, value in row.items():
             if value is not None:
-                is_text.setdefault(key, set()).add(isinstance(value, str))
-    return sorted(key for key, kinds in is_text.items() if len(kinds) > 1)
+                kinds.setdefault(key, set()).add(_kind(value))
+    return sorted(key for key, those in kinds.items() if len(those) > 1)
+
+
+def _kind(value: object) -> str:
+    match value:
+        case bool():
+            return "yes or no"
+        case Real():
+            return "number"
+        case str():
+            return "text"
+        case _:
+            return "other"
 
 
 def _files(folder: Path) -> list[Path]:

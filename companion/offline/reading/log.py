@@ -14,6 +14,10 @@ Watch = Callable[[str, float], None]
 """Progress callback: activity, and share done."""
 
 
+def ignore(activity: str, share: float) -> None:
+    """Ignore the progress."""
+
+
 @dataclass(slots=True)
 class Skipped:
     """Rows or cells skipped for one reason."""
