@@ -8,10 +8,14 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from random import SystemRandom
 
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from tests.waiting import DEADLINE_S
+
+FIRST_PORT = 20_000
+"""First port that a test may choose itself; services of a machine mostly have lower ones."""
 
 
 def sitl(*arguments: str) -> list[str]:
@@ -23,17 +27,35 @@ def companion(*arguments: str) -> list[str]:
 
 
 def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    return _free_port(socket.SOCK_DGRAM)
 
 
 def free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    return _free_port(socket.SOCK_STREAM)
+
+
+def _free_port(kind: socket.SocketKind) -> int:
+    """A free port of this host that the system does not hand out for port 0.
+
+    A program that is started with the number may bind it seconds later. Until then no socket with
+    a port of the system's choice can take it.
+    """
+    for port in SystemRandom().sample(_ports_to_choose(), 100):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return port
+    raise OSError("no free port")
+
+
+def _ports_to_choose() -> list[int]:
+    """Ports outside the interval from which Linux hands out ports itself (ip(7))."""
+    limits = Path("/proc/sys/net/ipv4/ip_local_port_range").read_text()
+    first, last = map(int, limits.split())
+    ports = range(FIRST_PORT, 1 << 16)
+    return [port for port in ports if not first <= port <= last] or list(ports)
 
 
 @contextmanager
