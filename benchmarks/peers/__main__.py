@@ -1,6 +1,7 @@
 """Compares our maps with those of other SLAM programs, from the same simulated flights.
 
-`python -m benchmarks.peers --out DIR [--seeds N]`, ten minutes for each seed on one core
+`python -m benchmarks.peers --out DIR [--seeds N]`, ten minutes for each seed on one core. For each
+flight it also draws the maps side by side, as figure 15 of the paper does.
 
 Each flight is given to the programs twice: with the scans of a LIDAR of 360 beams, and with our
 level beams. All paths are scored by the same code:
@@ -24,9 +25,11 @@ import numpy as np
 from benchmarks.peers import kiss, mrpt, rawlog
 from benchmarks.peers.flight import LIDAR_BEAMS, LIDAR_MAX_M, PeerFlight, fly
 from benchmarks.peers.mrpt import Estimated, PeerError
+from benchmarks.peers.pictures import map_pictures
 from companion.core.arrays import Array
 from companion.core.frames import wrap_rad
 from companion.core.messages import FloorPlan, Pose
+from companion.export.map_files import save_as
 from sitl.scoring.score import align, score_trajectory, to_world
 from sitl.world.geometry.nearest import NearestWall
 
@@ -47,6 +50,8 @@ class Scored:
     cpu_s: float
     """Processor time for each second of flight."""
     memory_mb: float
+    points_ne_m: Array
+    """(n, 2): ends of the scored scans, aligned with the world."""
 
 
 def main() -> None:
@@ -64,10 +69,18 @@ def main() -> None:
             flight = fly(world, seed, mission)
             folder = given.out / f"{world}_{seed}"
             folder.mkdir(exist_ok=True)
-            for scored in scored_methods(flight, folder):
-                scores.setdefault(world, []).append(scored)
+            those = list(scored_methods(flight, folder))
+            save_as(partial(_draw, flight, f"{world}, seed {seed}"), those, folder / "maps.png")
+            scores.setdefault(world, []).extend(those)
             print(f"{world} {seed}: {time.monotonic() - began_s:.0f} s", flush=True)
     print(table(scores))
+
+
+def _draw(flight: PeerFlight, title: str, those: list[Scored], path: Path) -> None:
+    panels = [
+        (f"{each.method}\n{each.sensors}, {each.map_cm:.1f} cm", each.points_ne_m) for each in those
+    ]
+    map_pictures(flight.surfaces, panels, title, path)
 
 
 def scored_methods(flight: PeerFlight, folder: Path) -> Iterator[Scored]:
@@ -118,9 +131,10 @@ def scored(flight: PeerFlight, method: str, sensors: str, made: Estimated) -> Sc
     ate_cm = score_trajectory(path, flight.truth.path, take_off).ate_cm
     walls = NearestWall(np.array(flight.surfaces, dtype=float).reshape(-1, 2, 2))
     points = to_world(placed(flight.clean_m[::EVERY], made.poses[::EVERY]), take_off)
-    error_m, _ = walls.query(align(points, walls))
+    aligned = align(points, walls)
+    error_m, _ = walls.query(aligned)
     map_cm, cpu_s = 100 * float(error_m.mean()), made.cpu_s / flight.air_s
-    return Scored(method, sensors, ate_cm, map_cm, cpu_s, made.memory_mb)
+    return Scored(method, sensors, ate_cm, map_cm, cpu_s, made.memory_mb, aligned)
 
 
 def placed(scans_m: Array, poses: Array) -> Array:
