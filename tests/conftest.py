@@ -9,7 +9,7 @@ marker in any folder. Those files run first, so that no worker is left alone wit
 
 Tests are distributed to workers file by file, so that a flight that a file's tests share is flown
 once. Those of the slow layers are distributed one by one: tests that start programs, and wait for
-them, among flights, which need the processor all the time.
+them, among flights and solved logs, which need the processor all the time.
 """
 
 import signal
@@ -31,11 +31,11 @@ settings.register_profile("fast", deadline=None, derandomize=True, max_examples=
 settings.load_profile("same")
 
 HERE = Path(__file__).parent
-FLYING = "tests/flights", "examples"
+COMPUTING = "tests/flights", "tests/logs", "examples"
 """Folders of tests that need the processor all the time."""
 WAITING = "tests/processes", "tests/browser"
 """Folders of tests that start programs, and often wait."""
-ONE_BY_ONE = *FLYING, "tests/processes"
+ONE_BY_ONE = *COMPUTING, "tests/processes"
 """Folders whose files would occupy one worker for minutes."""
 SHARED = "tests/flights/test_attacker.py"
 """File in such a folder whose tests share a flight."""
@@ -60,9 +60,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(layer)
     slow = {item.path for item in items if flies_or_starts(item)}
     first = mixed(
-        *([item for item in items if item.nodeid.startswith(layer)] for layer in (WAITING, FLYING))
+        *(
+            [item for item in items if item.nodeid.startswith(layer)]
+            for layer in (WAITING, COMPUTING)
+        )
     )
-    others = [item for item in items if not item.nodeid.startswith((*WAITING, *FLYING))]
+    others = [item for item in items if not item.nodeid.startswith((*WAITING, *COMPUTING))]
     items[:] = [*first, *sorted(others, key=lambda item: item.path not in slow)]
 
 
