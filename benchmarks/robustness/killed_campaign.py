@@ -19,7 +19,7 @@ from pathlib import Path
 from pyarrow import parquet
 
 from sitl.campaign.definition import load_campaign
-from sitl.campaign.results import read_rows
+from sitl.campaign.results import read_rows, row_files
 from sitl.campaign.scores import Row
 from sitl.scoring.report import WALL_CLOCK_KEYS
 
@@ -128,7 +128,7 @@ def fly_disturbed(file: Path, out: Path, flights: int) -> None:
 
 
 def _rows(folder: Path) -> int:
-    return sum(map(_rows_in, (folder / "rows").glob("*.parquet")))
+    return sum(map(_rows_in, row_files(folder / "rows")))
 
 
 @cache

@@ -44,7 +44,7 @@ class Results:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{self._folder}: {reason(error)}") from error
-        files = _files(self._folder)
+        files = row_files(self._folder)
         self._next = int(files[-1].stem) + 1 if files else 0
         self.known = {tuple(row[key] for key in KEY) for row in read_rows(folder)}
         """Values of `KEY` of all rows."""
@@ -79,7 +79,7 @@ def read_rows(folder: Path) -> list[Row]:
         ResultsError: a file is no Parquet.
     """
     found: dict[tuple[Any, ...], Row] = {}
-    for path in _files(folder / "rows"):
+    for path in row_files(folder / "rows"):
         for row in _read(path):
             found.setdefault(tuple(row[key] for key in KEY), row)
     return list(found.values())
@@ -133,7 +133,8 @@ def _kind(value: object) -> str:
             return "other"
 
 
-def _files(folder: Path) -> list[Path]:
+def row_files(folder: Path) -> list[Path]:
+    """The complete files of rows in the folder `rows`, in their order."""
     return sorted(path for path in folder.glob("*.parquet") if path.stem.isdecimal())
 
 
