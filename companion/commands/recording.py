@@ -13,6 +13,11 @@ from companion.core.errors import RecordingError
 from companion.core.extras import needs_extra
 from companion.core.frames import Place
 from companion.core.messages import FloorPlan
+from companion.export.labels import Labels
+from companion.export.plan.drawing import Contents
+from companion.export.plan.turned import Up
+from companion.export.room_names import read_room_names
+from companion.pdps.flight.state import Phase
 from companion.run.console import summary
 
 if TYPE_CHECKING:
@@ -73,8 +78,18 @@ def export_command(
         typer.Option(help="Longitude of take-off, °, for geojson; default: link.origin_lon_deg."),
     ] = None,
     heading_deg: Annotated[
-        float, typer.Option(help="True heading at take-off, °, for geojson.")
-    ] = 0.0,
+        float | None,
+        typer.Option(help="True heading at take-off, °, for geojson and --up north; default 0."),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(help="Title of the sheet; default: when it was flown.")
+    ] = None,
+    up: Annotated[Up, typer.Option(help="What is up on dxf, svg and pdf.")] = Up.WALLS,
+    rooms: Annotated[
+        Path | None, typer.Option(help='TOML file with names of rooms: "room 1" = "Kitchen".')
+    ] = None,
+    path: Annotated[bool, typer.Option(help="Draw the path flown.")] = True,
+    points: Annotated[bool, typer.Option(help="Draw the ends of the beams.")] = True,
 ) -> None:
     """Write the map in other formats; see docs/exports.md."""
     from companion.recording.reader import read  # noqa: PLC0415 - not for the drone
@@ -84,15 +99,21 @@ def export_command(
     place = Place(
         link.origin_lat_deg if lat_deg is None else lat_deg,
         link.origin_lon_deg if lon_deg is None else lon_deg,
-        radians(heading_deg),
+        radians(heading_deg or 0.0),
     )
+    if up is Up.NORTH and heading_deg is None:
+        raise typer.BadParameter("--up north needs the true heading at take-off, --heading-deg")
     with needs_extra("export"):
-        from companion.export.formats import Labels, export  # noqa: PLC0415
+        from companion.export.formats import export  # noqa: PLC0415
         from companion.export.plan.survey import survey  # noqa: PLC0415
 
-        labels = Labels(_title(recording), place)
+        found = survey(_plan(recording))
+        known = [room.name for room in found.rooms]
+        contents = Contents(path, points, read_room_names(rooms, known) if rooms else {})
+        shown_title = f"{title}, {_date(recording)}" if title else _title(recording)
+        labels = Labels(shown_title, place, _unfinished(recording), up, contents)
         names = [name.value for name in format_]
-        export(survey(_plan(recording)), names, out, flight.stem, labels, tell=print)
+        export(found, names, out, flight.stem, labels, tell=print)
 
 
 @commands.command("report")
@@ -124,6 +145,18 @@ def _plan(recording: "Recording") -> FloorPlan:
 def _title(recording: "Recording") -> str:
     began = datetime.fromtimestamp(recording.began_unix_s, UTC)
     return f"Flight of {began:%Y-%m-%d %H:%M} UTC"
+
+
+def _date(recording: "Recording") -> str:
+    return f"{datetime.fromtimestamp(recording.began_unix_s, UTC):%Y-%m-%d}"
+
+
+def _unfinished(recording: "Recording") -> str:
+    """Why the mission was not completed; empty if it was."""
+    ended = recording.phases[-1] if recording.phases else None
+    if ended is None or ended.phase != Phase.DONE.name:
+        return "the recording ends in flight"
+    return ended.trouble
 
 
 def _end_s(recording: "Recording") -> float:

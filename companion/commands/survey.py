@@ -106,7 +106,8 @@ def _report(joint: "SurveyMap", left: "Left", folder: Path) -> None:
 def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:
     with needs_extra("export"):
         from companion.core.frames import Place  # noqa: PLC0415 - not for the drone
-        from companion.export.formats import Labels, export  # noqa: PLC0415
+        from companion.export.formats import export  # noqa: PLC0415
+        from companion.export.labels import Labels  # noqa: PLC0415
         from companion.export.plan.survey import survey  # noqa: PLC0415
 
         link = joint.recordings[0].config.link

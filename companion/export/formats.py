@@ -1,7 +1,6 @@
 """Lists the export formats and calls the writer of each."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 
 from companion.core.errors import CompanionError, OutputError
 from companion.core.extras import needs_extra
-from companion.core.frames import Place
+from companion.export.labels import Labels
 from companion.export.map_files import each_by_itself
 from companion.export.plan.survey import Survey
 
@@ -26,14 +25,6 @@ WRITERS = {
     "json": ("records", "write_json"),
 }
 """Module of this package and function of each format; a module loads only when it is needed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Labels:
-    """Title and geographic origin, which the map does not contain."""
-
-    title: str
-    place: Place
 
 
 def export(
@@ -79,8 +70,8 @@ def _writer(name: str, labels: Labels) -> Callable[[Survey, Path], None]:
     module, function = WRITERS[name]
     write: Any = getattr(import_module(f"companion.export.{module}"), function)
     match name:
-        case "svg" | "pdf":
-            return partial(write, title=labels.title)
+        case "dxf" | "svg" | "pdf":
+            return partial(write, labels=labels)
         case "geojson":
             return partial(write, place=labels.place)
         case _:

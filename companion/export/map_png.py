@@ -1,4 +1,4 @@
-"""Draws the floor plan as a PNG image."""
+"""Draws the floor plan as a PNG image, with its main walls upright, a legend and a scale bar."""
 
 import math
 from pathlib import Path
@@ -10,80 +10,50 @@ if TYPE_CHECKING:
     from companion.core.figures import Axes
 
 PAPER = "#fbfaf7"
-WALL = "#22333b"
-HIT = "#e07a1f"
-FLIGHTS = ("#3a86c8", "#e08a1e", "#3f9c58", "#8a5fc2", "#c1121f", "#1aa5a5", "#b0578d", "#7a6a3a")
-"""Colours of the first flight of a joint map, or the first drone of a team, the second, ..."""
-
-
-def flight_colour(number: int) -> str:
-    """Colour of a flight or drone by its number, from 0."""
-    return FLIGHTS[number % len(FLIGHTS)]
+SIDE_MM, DPI = 203.2, 120
+"""Side of the picture, mm, and dots per inch: 960 pixels. Chosen."""
+AROUND_MM = 22.0
+"""Margin around the plan for dimensions and scale bar, mm. Chosen."""
+MM_PER_INCH = 25.4
+"""Millimetres per inch, exact by definition."""
 
 
 def draw(plan: FloorPlan, path: Path) -> None:
-    """Write a PNG of walls with lengths, hits, path and scale bar; east is right, north is up.
-
-    Each flight of a joint map has a path of its own.
-    """
+    """Write a PNG of the plan with hits and path. Each flight of a joint map has its own colour."""
     from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
+    from companion.export.plan import drawing, figure  # noqa: PLC0415
+    from companion.export.plan.turned import main_direction_rad, turned  # noqa: PLC0415
 
-    figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
-    axes = figure.add_subplot(aspect="equal", facecolor=PAPER)
+    plan = turned(plan, main_direction_rad(plan.walls))
+    west_m, east_m, south_m, north_m = _extent_m(plan)
+    side_m = max(east_m - west_m, north_m - south_m, 1.0)
+    m_per_mm = side_m / (SIDE_MM - 2 * AROUND_MM)
+    picture = Figure(figsize=(SIDE_MM / MM_PER_INCH,) * 2, dpi=DPI, facecolor=PAPER)
+    axes = picture.add_axes((0, 0, 1, 1), facecolor=PAPER)
     axes.set_axis_off()
-    axes.scatter(
-        [hit.position_ned_m[1] for hit in plan.hits],
-        [hit.position_ned_m[0] for hit in plan.hits],
-        s=3,
-        color=HIT,
-        alpha=0.35,
-        linewidths=0,
-        label="range returns",
-    )
-    for number, path_flown in enumerate(plan.paths):
-        axes.plot(
-            [pose.east_m for pose in path_flown],
-            [pose.north_m for pose in path_flown],
-            color=flight_colour(number),
-            linewidth=1.2,
-            label="path flown" if len(plan.paths) == 1 else f"flight {number + 1}",
-        )
-    for number, wall in enumerate(plan.walls):
-        (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
-        axes.plot(
-            [east_a, east_b],
-            [north_a, north_b],
-            color=WALL,
-            linewidth=3,
-            solid_capstyle="round",
-            label="walls" if number == 0 else None,
-        )
-        angle_deg = math.degrees(math.atan2(north_b - north_a, east_b - east_a))
-        axes.annotate(
-            f"{wall.length_m:.2f} m",
-            ((east_a + east_b) / 2, (north_a + north_b) / 2),
-            rotation=(angle_deg + 90) % 180 - 90,
-            textcoords="offset points",
-            xytext=(9 * math.sin(math.radians(angle_deg)), -9 * math.cos(math.radians(angle_deg))),
-            ha="center",
-            va="center",
-            fontsize=9,
-            color=WALL,
-        )
-    if plan.path:
-        axes.plot(0, 0, marker="o", color=FLIGHTS[0], markersize=7, label="take-off")
-    _scale_bar(axes)
+    half_m = side_m / 2 + AROUND_MM * m_per_mm
+    middle_x_m, middle_y_m = (west_m + east_m) / 2, (south_m + north_m) / 2
+    axes.set_xlim(middle_x_m - half_m, middle_x_m + half_m)
+    axes.set_ylim(middle_y_m - half_m, middle_y_m + half_m)
+    shapes = drawing.draw(plan, (), (), drawing.Contents(), m_per_mm)
+    figure.draw_in(axes, shapes, m_per_mm)
+    _scale_bar(axes, m_per_mm)
     if plan.path or plan.walls:
-        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    figure.savefig(path, format="png")
+        figure.legend(picture, shapes)
+    picture.savefig(path, format="png")
 
 
-def _scale_bar(axes: "Axes") -> None:
-    west, east = axes.get_xlim()
-    south, north = axes.get_ylim()
-    bar_m = 10 ** math.floor(math.log10(max(east - west, 1e-3) / 2))
-    base = south - 0.06 * (north - south)
-    axes.plot([west, west + bar_m], [base, base], color=WALL, linewidth=2)
-    axes.annotate(
-        f"{bar_m:g} m", (west + bar_m / 2, base), (0, -12), textcoords="offset points", ha="center"
-    )
+def _extent_m(plan: FloorPlan) -> tuple[float, float, float, float]:
+    """West, east, south and north edge of walls and path, m."""
+    corners = [end for wall in plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
+    corners += [pose.ne_m for pose in plan.path] or [(0.0, 0.0)]
+    north_m, east_m = zip(*corners, strict=True)
+    return min(east_m), max(east_m), min(north_m), max(north_m)
+
+
+def _scale_bar(axes: "Axes", m_per_mm: float) -> None:
+    (west_m, east_m), (south_m, _) = axes.get_xlim(), axes.get_ylim()
+    bar_m = 10 ** math.floor(math.log10((east_m - west_m) / 2))
+    left_m, base_m = west_m + 8 * m_per_mm, south_m + 8 * m_per_mm
+    axes.plot([left_m, left_m + bar_m], [base_m, base_m], color="#1d2b33", linewidth=2)
+    axes.text(left_m + bar_m / 2, base_m + 2.5 * m_per_mm, f"{bar_m:g} m", ha="center", fontsize=9)

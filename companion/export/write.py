@@ -28,7 +28,8 @@ def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:
             save_as(save_json, plan, path)
         case _ if name in FORMATS:
             with needs_extra("export"):
-                from companion.export.formats import Labels, export  # noqa: PLC0415
+                from companion.export.formats import export  # noqa: PLC0415
+                from companion.export.labels import Labels  # noqa: PLC0415
                 from companion.export.plan.survey import survey  # noqa: PLC0415
 
                 export(survey(plan), [name], path.parent, path.stem, Labels(title, place))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from companion.core.figures import Axes, Figure, LineCollection, rc_context
 from companion.core.frames import Vector2
-from companion.export.map_png import flight_colour
+from companion.export.colours import flight_colour
 from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
 from companion.report.numbers import ending, recorded_s, walls_mapped

@@ -12,7 +12,7 @@ room beside it or lies inside a wall.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, Polygon
 
 from companion.core.arrays import Array
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, ned_to_frd
 from companion.core.messages import FloorPlan, WallSegment
+from companion.export.plan.turned import turned
 from companion.export.rays import rays
 
 WIDEST_DOOR_M = 1.5
@@ -63,6 +64,10 @@ class Opening:
     def width_m(self) -> float:
         return math.dist(self.start_ne_m, self.end_ne_m)
 
+    def turned(self, up_rad: float) -> "Opening":
+        """The same in a frame whose x axis has this heading, rad."""
+        return Opening(ned_to_frd(*self.start_ne_m, up_rad), ned_to_frd(*self.end_ne_m, up_rad))
+
 
 @dataclass(frozen=True, slots=True)
 class Room:
@@ -78,6 +83,15 @@ class Room:
     def polygon(self) -> Polygon:
         """The room as a polygon: x east, y north, m."""
         return Polygon(_xy(self.outline_ne_m), [_xy(hole) for hole in self.holes_ne_m])
+
+    def turned(self, up_rad: float) -> "Room":
+        """The same in a frame whose x axis has this heading, rad."""
+
+        def ring(corners: Sequence[Vector2]) -> tuple[Vector2, ...]:
+            return tuple(ned_to_frd(*corner, up_rad) for corner in corners)
+
+        holes = tuple(map(ring, self.holes_ne_m))
+        return replace(self, outline_ne_m=ring(self.outline_ne_m), holes_ne_m=holes)
 
     @property
     def label_ne_m(self) -> Vector2:
@@ -99,6 +113,14 @@ class Survey:
     def height_m(self) -> float:
         """Height of walls and ceiling above the floor at take-off, m."""
         return UNKNOWN_HEIGHT_M if self.plan.ceiling_m is None else self.plan.ceiling_m
+
+    def turned(self, up_rad: float) -> "Survey":
+        """The same in a frame whose x axis has this heading, rad."""
+        return Survey(
+            turned(self.plan, up_rad),
+            tuple(room.turned(up_rad) for room in self.rooms),
+            tuple(opening.turned(up_rad) for opening in self.openings),
+        )
 
 
 def survey(plan: FloorPlan) -> Survey:

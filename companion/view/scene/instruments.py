@@ -9,7 +9,7 @@ from viser import GuiApi, GuiUplotHandle, uplot
 
 from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeReading
-from companion.export.map_png import flight_colour
+from companion.export.colours import flight_colour
 from companion.team.teammate import Heard
 from companion.view.scene.mapped import SIGMA_COLOURS, UNSURE_M
 from companion.view.snapshot import Snapshot

@@ -10,7 +10,7 @@ from viser import BatchedMeshHandle, SceneApi
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, ned_to_enu, yaw_ned_to_enu
 from companion.core.messages import Beam, Pose, RangeReading, RangeState
-from companion.export.map_png import flight_colour
+from companion.export.colours import flight_colour
 
 Colour = tuple[int, int, int]
 Quaternion = tuple[float, float, float, float]

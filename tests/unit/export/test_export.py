@@ -30,16 +30,19 @@ from companion.core.errors import OutputError
 from companion.core.frames import Place, ned_to_enu, ned_to_gltf
 from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M
-from companion.export.formats import WRITERS, Labels, export
-from companion.export.plan.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
+from companion.export.formats import WRITERS, export
+from companion.export.labels import Labels
+from companion.export.plan.figure import INK
+from companion.export.plan.sheet import EDGE_MM, FOOT_MM, choose_sheet
 from companion.export.plan.survey import Survey, survey
+from companion.export.plan.turned import Up
 from sitl.testing import Flight, Sitl
 from sitl.world.plan import wall_surfaces
 
 pytestmark = pytest.mark.flights
 
 PLACE = Place(47.3977, 8.5456, math.radians(30))
-LABELS = Labels("a flight", PLACE)
+LABELS = Labels("a flight", PLACE, up=Up.TAKE_OFF)
 PT_M = 0.0254 / 72
 WALL_PT = 2.0
 WALL_STROKE = f"stroke: {INK}; stroke-width: {WALL_PT:g};"
@@ -113,7 +116,7 @@ def test_ezdxf_finds_walls_rooms_and_dimensions_in_metres(exported: Exported) ->
     corners = [(corner.x, corner.y) for corner in ezdxf.path.make_path(outline).control_vertices()]
     assert shapely.Polygon(corners).area == pytest.approx(100, rel=0.02)
     labels = [text.dxf.text for text in space.query('TEXT[layer=="LABELS"]')]
-    assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.2f} m2"]
+    assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.1f} m2"]
 
 
 def test_trimesh_finds_floor_walls_and_ceiling_in_the_glb(exported: Exported) -> None:
@@ -214,7 +217,7 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
 
 def off_paper(survey: Survey, points_up_pt: Array) -> Array:
     """Convert points (n, 2) on the sheet, in pt from its lower left corner, to ENU, m."""
-    sheet = choose_sheet(survey)
+    sheet = choose_sheet(survey, LABELS.contents)
     inset_m = np.array([EDGE_MM, EDGE_MM + FOOT_MM]) * sheet.scale / 1000
     enu_m: Array = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
     return enu_m
@@ -222,7 +225,7 @@ def off_paper(survey: Survey, points_up_pt: Array) -> Array:
 
 def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Array) -> None:
     """Assert the sheet's size, and that the ends of walls match the map and the ground truth."""
-    sheet, walls = choose_sheet(exported.found), exported.flight.plan.walls
+    sheet, walls = choose_sheet(exported.found, LABELS.contents), exported.flight.plan.walls
     assert np.array(size_pt) * PT_M == pytest.approx(
         [sheet.width_mm / 1000, sheet.height_mm / 1000]
     )
@@ -233,7 +236,7 @@ def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: 
 
 
 def assert_words(exported: Exported, words: str) -> None:
-    sheet = choose_sheet(exported.found)
+    sheet = choose_sheet(exported.found, LABELS.contents)
     assert f"1 : {sheet.scale} on {sheet.paper}" in words
     assert f"{exported.found.rooms[0].area_m2:.1f} m²" in words
 

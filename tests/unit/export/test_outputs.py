@@ -22,9 +22,11 @@ from companion.core.errors import OutputError
 from companion.core.frames import Place, Vector2
 from companion.core.messages import FloorPlan, Pose, WallSegment
 from companion.export import formats, map_files
-from companion.export.formats import Labels, export
+from companion.export.colours import flight_colour
+from companion.export.formats import export
+from companion.export.labels import Labels
 from companion.export.map_files import save
-from companion.export.map_png import draw, flight_colour
+from companion.export.map_png import draw
 from companion.export.plan.dxf import write_dxf
 from companion.export.plan.survey import survey
 from companion.export.ros_map import write_ros_map
@@ -95,7 +97,7 @@ def active_view(document: Drawing) -> VPort:
 def test_the_initial_view_of_a_dxf_shows_the_whole_plan(
     tmp_path: Path, north_m: float, east_m: float, corner: Vector2
 ) -> None:
-    write_dxf(survey(room(north_m, east_m, corner)), tmp_path / "plan.dxf")
+    write_dxf(survey(room(north_m, east_m, corner)), tmp_path / "plan.dxf", LABELS)
     document = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf")
     low, high = document.header["$EXTMIN"], document.header["$EXTMAX"]
     (south, west), north, east = corner, corner[0] + north_m, corner[1] + east_m
@@ -112,7 +114,7 @@ def test_the_initial_view_of_a_dxf_shows_the_whole_plan(
 
 
 def test_the_initial_view_of_an_empty_dxf_shows_some_metres(tmp_path: Path) -> None:
-    write_dxf(survey(FloorPlan()), tmp_path / "plan.dxf")
+    write_dxf(survey(FloorPlan()), tmp_path / "plan.dxf", LABELS)
     view = active_view(ezdxf.filemanagement.readfile(tmp_path / "plan.dxf"))
     assert 5 < view.dxf.height < 50
 
@@ -144,7 +146,7 @@ def test_each_flight_of_a_joint_map_has_a_path_of_its_own(tmp_path: Path) -> Non
     assert first.max() < 0.3
     assert second.min() > 0.7
 
-    write_dxf(survey(flown_twice()), tmp_path / "map.dxf")
+    write_dxf(survey(flown_twice()), tmp_path / "map.dxf", LABELS)
     drawing = ezdxf.filemanagement.readfile(tmp_path / "map.dxf")
     assert len(drawing.modelspace().query('LWPOLYLINE[layer=="PATH"]')) == 2
 

@@ -1,0 +1,218 @@
+"""The drawn plan: squared, with thick walls, furniture, and texts that do not overlap."""
+
+import math
+from dataclasses import replace
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import ezdxf.filemanagement
+import pytest
+import shapely
+import shapely.affinity
+from ezdxf.entities import Dimension as DxfDimension
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.core.errors import ConfigError
+from companion.core.frames import Place, Vector2
+from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallSegment
+from companion.export.labels import Labels
+from companion.export.plan.building import building
+from companion.export.plan.dimensions import CHARACTER, Dimension
+from companion.export.plan.drawing import Contents, draw
+from companion.export.plan.dxf import write_dxf
+from companion.export.plan.sheet import choose_sheet, write_svg
+from companion.export.plan.survey import survey
+from companion.export.plan.turned import Up, main_direction_rad, turned, up_rad
+from companion.export.room_names import read_room_names
+
+LABELS = Labels("a flight", Place(47.0, 8.0, math.radians(30)))
+THICK_M = 0.12
+SCALE = 100
+
+
+def wall(start: Vector2, end: Vector2) -> WallSegment:
+    return WallSegment(start, end, 0.01, 20, 0.01)
+
+
+def ring(*corners: Vector2) -> list[WallSegment]:
+    return [wall(a, b) for a, b in pairwise((*corners, corners[0]))]
+
+
+def seen(walls: list[WallSegment], *places: Vector2) -> FloorPlan:
+    """A map of walls that the drone saw from places; beams to each half metre of each wall."""
+    path = [Pose(float(number), *place, -1.2, 0.0) for number, place in enumerate(places)]
+    surfaces = shapely.MultiLineString([[each.start_ne_m, each.end_ne_m] for each in walls])
+    hits = [
+        Hit(pose.time_s, Beam.FRONT, (north_m, east_m, -1.2), 0.01, number)
+        for pose in path
+        for number, each in enumerate(walls)
+        for north_m, east_m in met_at(each)
+        if is_met(pose.ne_m, (north_m, east_m), surfaces)
+    ]
+    return FloorPlan(walls=tuple(walls), hits=tuple(hits), path=tuple(path), ceiling_m=2.5)
+
+
+def met_at(surface: WallSegment) -> list[Vector2]:
+    """Places each half metre on a wall, its middle if it is short."""
+    line = shapely.LineString([surface.start_ne_m, surface.end_ne_m])
+    steps = max(2, int(2 * surface.length_m))
+    points = (line.interpolate(number / steps, normalized=True) for number in range(1, steps))
+    return [(point.x, point.y) for point in points]
+
+
+def is_met(eye: Vector2, end: Vector2, surfaces: shapely.MultiLineString) -> bool:
+    """True if no surface is in the way of a beam."""
+    beam = shapely.LineString([eye, end])
+    return beam.intersection(surfaces).distance(shapely.Point(eye)) > beam.length - 0.01
+
+
+def two_rooms() -> FloorPlan:
+    """Rooms of 4 m by 5 m on either side of a wall, a cupboard in the first."""
+    first = ring((0.0, 0.0), (5.0, 0.0), (5.0, 4.0), (0.0, 4.0))
+    second = ring(
+        (0.0, 4.0 + THICK_M), (5.0, 4.0 + THICK_M), (5.0, 8.0 + THICK_M), (0.0, 8.0 + THICK_M)
+    )
+    cupboard = ring((2.0, 1.0), (2.5, 1.2), (2.4, 1.7), (1.9, 1.5))
+    return seen([*first, *second, *cupboard], (4.0, 2.0), (1.0, 2.0), (2.5, 6.0))
+
+
+@given(st.floats(-44, 44), st.floats(12, 78))
+def test_the_main_walls_stand_upright_at_any_heading_of_take_off(
+    turn_deg: float, shelf_deg: float
+) -> None:
+    """A shelf aslant in the room does not turn the plan."""
+    room = ring((0.0, 0.0), (6.0, 0.0), (6.0, 9.0), (0.0, 9.0))
+    aslant = math.radians(shelf_deg)
+    shelf = wall((2.0, 2.0), (2.0 + 2 * math.cos(aslant), 2.0 + 2 * math.sin(aslant)))
+    plan = turned(FloorPlan(walls=(*room, shelf)), -math.radians(turn_deg))
+    assert math.degrees(main_direction_rad(plan.walls)) == pytest.approx(turn_deg, abs=0.01)
+    for each in turned(plan, up_rad(plan, Up.WALLS, 0.0)).walls[:4]:
+        off_m = [abs(a - b) for a, b in zip(each.start_ne_m, each.end_ne_m, strict=True)]
+        assert min(off_m) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("up", "wanted_deg"), [(Up.TAKE_OFF, 0.0), (Up.NORTH, -30.0), (Up.WALLS, 20.0)]
+)
+def test_walls_the_heading_or_true_north_can_be_up(up: Up, wanted_deg: float) -> None:
+    room = turned(two_rooms(), -math.radians(20))
+    assert math.degrees(up_rad(room, up, LABELS.place.heading_rad)) == pytest.approx(
+        wanted_deg, abs=0.5
+    )
+
+
+def test_a_wall_seen_from_both_sides_is_solid_and_has_its_thickness() -> None:
+    (solid,) = building(two_rooms()).solids
+    assert solid.thickness_m == pytest.approx(THICK_M)
+    assert shapely.Polygon(solid.ring_ne_m).area == pytest.approx(5 * THICK_M)
+
+
+def test_the_space_between_two_walls_of_a_corridor_is_no_wall() -> None:
+    corridor = [wall((0.0, 0.0), (6.0, 0.0)), wall((0.0, 0.45), (6.0, 0.45))]
+    assert not building(seen(corridor, (1.0, 0.22), (5.0, 0.22))).solids
+
+
+def test_the_outer_walls_were_seen_from_inside() -> None:
+    outer = [face for face in building(two_rooms()).faces if face.start_ne_m[1] == 0.0]
+    assert outer
+    for face in outer:
+        if face.end_ne_m[1] == 0.0:
+            assert face.behind_ne == pytest.approx((0.0, -1.0))
+
+
+def test_what_stands_free_is_furniture_and_gets_no_dimension(tmp_path: Path) -> None:
+    plan = two_rooms()
+    parts = building(plan)
+    assert parts.furniture == plan.walls[8:]
+    write_dxf(survey(plan), tmp_path / "plan.dxf", LABELS)
+    space = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf").modelspace()
+    assert len(space.query('LINE[layer=="FURNITURE"]')) == 4
+    assert len(space.query('LINE[layer=="WALLS"]')) == 8
+    dimensions = [each for each in space.query("DIMENSION") if isinstance(each, DxfDimension)]
+    measured = sorted(each.get_measurement() for each in dimensions)
+    assert measured == pytest.approx([4, 4, 4, 4, 5, 5, 5, 8 + THICK_M])
+
+
+def test_a_short_map_is_all_building() -> None:
+    """Before a long wall is seen nothing can be told apart."""
+    plan = FloorPlan(walls=(wall((0.0, 0.0), (1.0, 0.0)),))
+    assert building(plan).walls == plan.walls
+
+
+def box(dimension: Dimension) -> shapely.Polygon:
+    """The rectangle of a text on the paper, m."""
+    height_m = dimension.height_mm * SCALE / 1000
+    half_m = CHARACTER * height_m * len(dimension.text) / 2
+    text = shapely.box(-half_m, -height_m / 2, half_m, height_m / 2)
+    turn = shapely.affinity.rotate(text, dimension.angle_rad, origin=(0, 0), use_radians=True)
+    return shapely.affinity.translate(turn, *dimension.text_xy_m)
+
+
+corner = st.tuples(st.floats(0, 10), st.floats(0, 10))
+
+
+@given(st.lists(st.tuples(corner, corner), min_size=1, max_size=25))
+def test_no_text_lies_on_another_or_on_a_wall(pieces: list[tuple[Vector2, Vector2]]) -> None:
+    walls = [wall(*piece) for piece in pieces if math.dist(*piece) > 0.2]
+    drawing = draw(FloorPlan(walls=tuple(walls)), (), (), Contents(), SCALE / 1000)
+    texts = [box(each) for each in drawing.dimensions]
+    for one, other in combinations(texts, 2):
+        assert not one.intersects(other)
+    for text in texts:
+        for each in walls:
+            line = shapely.LineString([each.start_ne_m[::-1], each.end_ne_m[::-1]])
+            assert not line.intersects(text)
+
+
+def test_an_office_of_16_by_10_m_fits_on_a4_at_any_heading() -> None:
+    office = FloorPlan(walls=tuple(ring((0.0, 0.0), (16.0, 0.0), (16.0, 10.0), (0.0, 10.0))))
+    squared = survey(turned(office, -0.3)).turned(-up_rad(turned(office, 0.3), Up.WALLS, 0.0))
+    assert choose_sheet(squared, Contents()).paper == "A4"
+
+
+def test_an_unfinished_map_says_so_on_the_sheet_and_in_cad(tmp_path: Path) -> None:
+    unfinished = replace(LABELS, unfinished="turned back with 40 % of the battery")
+    for labels, is_said in ((LABELS, False), (unfinished, True)):
+        write_svg(survey(two_rooms()), tmp_path / "plan.svg", labels)
+        assert ("INCOMPLETE" in (tmp_path / "plan.svg").read_text()) == is_said
+        write_dxf(survey(two_rooms()), tmp_path / "plan.dxf", labels)
+        space = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf").modelspace()
+        texts = [text.dxf.text for text in space.query("TEXT")]
+        assert any("40 % of the battery" in text for text in texts) == is_said
+
+
+def test_the_path_and_the_points_can_be_left_out(tmp_path: Path) -> None:
+    for contents, number in ((Contents(), 1), (Contents(path=False, points=False), 0)):
+        write_dxf(survey(two_rooms()), tmp_path / "plan.dxf", replace(LABELS, contents=contents))
+        space = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf").modelspace()
+        assert len(space.query('LWPOLYLINE[layer=="PATH"]')) == number
+        assert bool(space.query("POINT")) == bool(number)
+
+
+def test_rooms_get_the_names_of_a_file(tmp_path: Path) -> None:
+    found = survey(two_rooms())
+    file = tmp_path / "names.toml"
+    file.write_text('"room 1" = "Küche"\n')
+    names = read_room_names(file, [room.name for room in found.rooms])
+    write_svg(found, tmp_path / "plan.svg", replace(LABELS, contents=Contents(room_names=names)))
+    text = (tmp_path / "plan.svg").read_text(encoding="utf-8")
+    assert "Küche" in text
+    assert "room 2" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('"room 9" = "Attic"', "room 9 = 'Attic': no such room; the map has: room 1, room 2"),
+        ('"room 1" = 3', 'room 1 = 3 is no text; write "room 1" = "Kitchen"'),
+        ("room 1", "not TOML"),
+    ],
+)
+def test_names_that_do_not_fit_the_map_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "names.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        read_room_names(file, ["room 1", "room 2"])
+    assert str(file) in str(refused.value)
+    assert said in str(refused.value)
