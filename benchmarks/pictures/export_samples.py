@@ -21,7 +21,7 @@ def main() -> None:
         Sitl(Path(folder)).fly("room_100", record=Path(folder))
         (recorded,) = Path(folder).glob("*.mcap")
         flight = recorded.rename(recorded.with_name("room_100.mcap"))
-        export_command(flight, list(Format), options.out)
+        export_command(flight, list(Format), options.out, lat_deg=47.3977, lon_deg=8.5456)
         report_command(flight, options.out / "room_100.html")
 
 

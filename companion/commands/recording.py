@@ -1,5 +1,6 @@
 """Processes recordings: `companion replay`, `export` and `report`; runs on a laptop."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from math import radians
@@ -71,11 +72,11 @@ def export_command(
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     lat_deg: Annotated[
         float | None,
-        typer.Option(help="Latitude of take-off, °, for geojson; default: link.origin_lat_deg."),
+        typer.Option(help="Latitude of take-off, °, for geojson; default: as configured."),
     ] = None,
     lon_deg: Annotated[
         float | None,
-        typer.Option(help="Longitude of take-off, °, for geojson; default: link.origin_lon_deg."),
+        typer.Option(help="Longitude of take-off, °, for geojson; default: as configured."),
     ] = None,
     heading_deg: Annotated[
         float | None,
@@ -96,11 +97,14 @@ def export_command(
 
     recording = read(flight)
     link = recording.config.link
-    place = Place(
-        link.origin_lat_deg if lat_deg is None else lat_deg,
-        link.origin_lon_deg if lon_deg is None else lon_deg,
-        radians(heading_deg or 0.0),
-    )
+    heading_rad = radians(heading_deg or 0.0)
+    place = link.place
+    if lat_deg is not None and lon_deg is not None:
+        place = Place(lat_deg, lon_deg)
+    elif lat_deg is not None or lon_deg is not None:
+        raise typer.BadParameter("a place needs both --lat-deg and --lon-deg")
+    if place:
+        place = replace(place, heading_rad=heading_rad)
     if up is Up.NORTH and heading_deg is None:
         raise typer.BadParameter("--up north needs the true heading at take-off, --heading-deg")
     with needs_extra("export"):
@@ -111,7 +115,7 @@ def export_command(
         known = [room.name for room in found.rooms]
         contents = Contents(path, points, read_room_names(rooms, known) if rooms else {})
         shown_title = f"{title}, {_date(recording)}" if title else _title(recording)
-        labels = Labels(shown_title, place, _unfinished(recording), up, contents)
+        labels = Labels(shown_title, place, heading_rad, _unfinished(recording), up, contents)
         names = [name.value for name in format_]
         export(found, names, out, flight.stem, labels, tell=print)
 

@@ -105,11 +105,10 @@ def _report(joint: "SurveyMap", left: "Left", folder: Path) -> None:
 
 def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:
     with needs_extra("export"):
-        from companion.core.frames import Place  # noqa: PLC0415 - not for the drone
         from companion.export.formats import export  # noqa: PLC0415
         from companion.export.labels import Labels  # noqa: PLC0415
         from companion.export.plan.survey import survey  # noqa: PLC0415
 
         link = joint.recordings[0].config.link
-        labels = Labels(f"Survey {folder.name}", Place(link.origin_lat_deg, link.origin_lon_deg, 0))
+        labels = Labels(f"Survey {folder.name}", link.place)
         export(survey(joint.merged.plan), formats, folder, "survey", labels, tell=print)

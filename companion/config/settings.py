@@ -34,6 +34,7 @@ from companion.config.range_sensors import (
 )
 from companion.config.team import TEAM_DRONES, TeamConfig
 from companion.core.errors import ConfigError
+from companion.core.frames import Place
 from companion.core.messages import BEARING_FRD_RAD, Beam
 from companion.core.textfile import NotTextError, read_text, reason
 
@@ -107,6 +108,14 @@ class LinkConfig(Group):
     setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
     """Time after the last setpoint at which ArduPilot stops and PX4 lands. The companion sets it in
     the autopilot. A larger value bridges pauses of the computer and needs a lower speed."""
+
+    @property
+    def place(self) -> Place | None:
+        """The origin, if it is set; None for the default, which is near no drone in particular."""
+        fields = type(self).model_fields
+        default = fields["origin_lat_deg"].default, fields["origin_lon_deg"].default
+        own = self.origin_lat_deg, self.origin_lon_deg
+        return None if own == default else Place(*own)
 
 
 class SensorsConfig(Group):

@@ -10,18 +10,29 @@ from pathlib import Path
 
 from shapely.geometry.polygon import orient
 
+from companion.core.errors import OutputError
 from companion.core.frames import Place, Vector2
 from companion.export.plan.survey import Room, Survey
 
+NOWHERE = (
+    "the place of take-off on Earth is not known; give --lat-deg and --lon-deg, or set "
+    "link.origin_lat_deg and link.origin_lon_deg"
+)
+"""Error without a place, with the remedy."""
 DIGITS = 9
 """Decimal places of a degree: a resolution of 0.1 mm."""
 
 
-def write_geojson(survey: Survey, path: Path, place: Place) -> None:
+def write_geojson(survey: Survey, path: Path, place: Place | None) -> None:
     """Write rooms as polygons, and walls, openings and the path as lines.
 
     The property `kind` is "room", "wall", "opening" or "path".
+
+    Raises:
+        OutputError: the place of take-off on Earth is not known.
     """
+    if place is None:
+        raise OutputError(f"{path}: {NOWHERE}")
 
     def position(point_ne_m: Vector2) -> tuple[float, ...]:
         return tuple(round(degrees, DIGITS) for degrees in place.lon_lat_deg(*point_ne_m))

@@ -12,7 +12,10 @@ class Labels:
     """Title block and contents of the drawings, and the geographic origin."""
 
     title: str
-    place: Place
+    place: Place | None = None
+    """Where the flight began; None if that is not known."""
+    heading_rad: float = 0.0
+    """True heading at take-off."""
     unfinished: str = ""
     """Why the map is not finished; empty if it is."""
     up: Up = Up.WALLS

@@ -12,13 +12,13 @@ FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt",
 """Known suffixes of file names, without the dot."""
 
 
-def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:
+def write(plan: FloorPlan, path: Path, title: str, place: Place | None) -> None:
     """Write PNG and JSON like `companion fly`, every other format like `companion export`.
 
     Raises:
         ValueError: the format is unknown.
         MissingExtraError: the library for this format is not installed.
-        OutputError: the file cannot be written.
+        OutputError: the file cannot be written, or GeoJSON has no place.
     """
     name = path.suffix.removeprefix(".")
     match name:

@@ -22,7 +22,6 @@ from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.errors import FlightEndedError
-from companion.core.frames import Place
 from companion.core.messages import Beam, FloorPlan, Order, Pose, RangeReading, Task
 from companion.export.map_files import save
 from companion.export.write import write
@@ -191,7 +190,7 @@ class Drone:
             OutputError: the file cannot be written.
         """
         link = self._config.link
-        place = Place(link.origin_lat_deg, link.origin_lon_deg)
+        place = link.place
         write(self.map(), Path(path), Path(path).stem, place)
 
     # The control loop's thread

@@ -12,7 +12,7 @@ from companion.core.messages import FloorPlan
 from companion.export.write import write
 
 
-def send(client: ClientHandle, plan: FloorPlan, name: str, title: str, place: Place) -> None:
+def send(client: ClientHandle, plan: FloorPlan, name: str, title: str, place: Place | None) -> None:
     """Send the map in one format; a format of several files is sent as a ZIP archive.
 
     Raises:

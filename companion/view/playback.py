@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from companion.core.errors import CompanionError, RecordingError
-from companion.core.frames import Place
 from companion.core.messages import FloorPlan
 from companion.export.write import FORMATS
 from companion.recording.reader import read
@@ -140,7 +139,7 @@ class Playback:
         if self._plan is None or event.client is None:
             return
         link = self._config.link
-        place = Place(link.origin_lat_deg, link.origin_lon_deg)
+        place = link.place
         try:
             downloads.send(event.client, self._plan, self._format.value, self._title, place)
         except CompanionError as error:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from companion.config.settings import Config
 from companion.core.errors import CompanionError
-from companion.core.frames import Place, wrap_rad
+from companion.core.frames import wrap_rad
 from companion.core.messages import FloorPlan
 from companion.view import downloads
 from companion.view.access.act_queue import ActQueue, Event
@@ -196,7 +196,7 @@ class Page:
         if shown is None or shown.plan is None or event.client is None:
             return
         link = shown.config.link
-        place = Place(link.origin_lat_deg, link.origin_lon_deg)
+        place = link.place
         try:
             title = self._world_name
             downloads.send(event.client, shown.plan, self._controls.format.value, title, place)

@@ -109,11 +109,11 @@ def choose_sheet(survey: Survey, contents: Contents) -> Sheet:
 
 def turned_up(survey: Survey, labels: Labels) -> Survey:
     """The map as it stands on the paper."""
-    return survey.turned(up_rad(survey.plan, labels.up, labels.place.heading_rad))
+    return survey.turned(up_rad(survey.plan, labels.up, labels.heading_rad))
 
 
 def _figure(survey: Survey, labels: Labels) -> Figure:
-    heading_rad = -up_rad(survey.plan, labels.up, labels.place.heading_rad)
+    heading_rad = -up_rad(survey.plan, labels.up, labels.heading_rad)
     survey = turned_up(survey, labels)
     sheet = choose_sheet(survey, labels.contents)
     figure = Figure(figsize=(sheet.width_mm / MM_PER_INCH, sheet.height_mm / MM_PER_INCH))

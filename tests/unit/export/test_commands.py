@@ -78,6 +78,38 @@ def test_a_file_that_is_not_a_recording_is_a_one_line_error(command: str, tmp_pa
     assert "not a recording" in refused.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--format", "geojson"], "give --lat-deg and --lon-deg, or set link.origin_lat_deg"),
+        (["--format", "geojson", "--lat-deg", "47"], "a place needs both --lat-deg and --lon-deg"),
+        (["--format", "svg", "--up", "north"], "--up north needs the true heading"),
+    ],
+)
+def test_what_only_the_user_can_know_is_asked_for(
+    recording: Path, tmp_path: Path, options: list[str], said: str
+) -> None:
+    refused = companion("export", recording, *options, "--out", tmp_path)
+    assert refused.returncode
+    assert said in " ".join(refused.stderr.replace("│", " ").split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sheet_is_made_as_asked_for(recording: Path, tmp_path: Path) -> None:
+    names = tmp_path / "names.toml"
+    names.write_text('"room 1" = "Kitchen"\n')
+    drawn = companion(
+        *("export", recording, "--format", "svg", "--out", tmp_path, "--title", "Flat 3"),
+        *("--rooms", names, "--no-path", "--no-points", "--up", "take-off"),
+    )
+    assert drawn.returncode == 0, drawn.stderr
+    (sheet,) = tmp_path.glob("*.svg")
+    text = sheet.read_text(encoding="utf-8")
+    assert re.search(r"Flat 3, \d{4}-\d\d-\d\d", text)
+    assert "Kitchen" in text
+    assert "INCOMPLETE" not in text
+
+
 def test_a_missing_extra_is_named_in_one_line(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

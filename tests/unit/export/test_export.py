@@ -42,7 +42,7 @@ from sitl.world.plan import wall_surfaces
 pytestmark = pytest.mark.flights
 
 PLACE = Place(47.3977, 8.5456, math.radians(30))
-LABELS = Labels("a flight", PLACE, up=Up.TAKE_OFF)
+LABELS = Labels("a flight", PLACE, PLACE.heading_rad, up=Up.TAKE_OFF)
 PT_M = 0.0254 / 72
 WALL_PT = 2.0
 WALL_STROKE = f"stroke: {INK}; stroke-width: {WALL_PT:g};"

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.errors import ConfigError
-from companion.core.frames import Place, Vector2
+from companion.core.frames import Vector2
 from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallSegment
 from companion.export.labels import Labels
 from companion.export.plan.building import building
@@ -26,7 +26,7 @@ from companion.export.plan.survey import survey
 from companion.export.plan.turned import Up, main_direction_rad, turned, up_rad
 from companion.export.room_names import read_room_names
 
-LABELS = Labels("a flight", Place(47.0, 8.0, math.radians(30)))
+LABELS = Labels("a flight", heading_rad=math.radians(30))
 THICK_M = 0.12
 SCALE = 100
 
@@ -97,9 +97,7 @@ def test_the_main_walls_stand_upright_at_any_heading_of_take_off(
 )
 def test_walls_the_heading_or_true_north_can_be_up(up: Up, wanted_deg: float) -> None:
     room = turned(two_rooms(), -math.radians(20))
-    assert math.degrees(up_rad(room, up, LABELS.place.heading_rad)) == pytest.approx(
-        wanted_deg, abs=0.5
-    )
+    assert math.degrees(up_rad(room, up, LABELS.heading_rad)) == pytest.approx(wanted_deg, abs=0.5)
 
 
 def test_a_wall_seen_from_both_sides_is_solid_and_has_its_thickness() -> None:
