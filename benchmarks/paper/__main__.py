@@ -23,6 +23,7 @@ from benchmarks.paper.scenarios import (
     TIME,
     TWO,
     VARIANTS,
+    WHOLE,
     Variant,
     flight,
     flown,
@@ -94,21 +95,22 @@ def _map_of(world: str) -> FloorPlan:
 
 
 def _print_tables(rows: Rows) -> None:
-    table = Table("room", "flights", *(f"{variant.name}, s" for variant in VARIANTS), "two / one")
-    table.add_column("adjusted / one")
-    for room, size in ROOMS.items():
-        means = [mean(rows[room, variant.name], TIME) for variant in VARIANTS]
-        one, two, adjusted = (each.mean for each in means)
-        number = sum(each.number for each in means)
-        times = [f"{each.mean:.1f} ± {each.half or 0.0:.1f}" for each in means]
-        table.add_row(size, str(number), *times, f"{two / one:.2f}", f"{adjusted / one:.2f}")
-    errors = Table("room", *(f"{variant.name}, cm" for variant in VARIANTS))
-    for room, size in ROOMS.items():
-        found = (mean(rows[room, variant.name], ERROR) for variant in VARIANTS)
-        errors.add_row(size, *(f"{each.mean:.2f} ± {each.half or 0.0:.2f}" for each in found))
     console = Console(highlight=False)
-    console.print("Time from take-off to landing, mean and 95 % interval", table)
-    console.print("Wall error after alignment, mean and 95 % interval", errors)
+    for title, key, digits in (
+        ("Time of one round, s", TIME, 1),
+        ("Time from take-off to landing, s", WHOLE, 1),
+        ("Wall error after alignment, cm", ERROR, 2),
+    ):
+        table = Table("room", "flights", *(variant.name for variant in VARIANTS))
+        table.add_column("two / one")
+        table.add_column("adjusted / one")
+        for room, size in ROOMS.items():
+            means = [mean(rows[room, variant.name], key) for variant in VARIANTS]
+            one, two, adjusted = (each.mean for each in means)
+            cells = [f"{each.mean:.{digits}f} ± {each.half or 0.0:.{digits}f}" for each in means]
+            number = str(sum(each.number for each in means))
+            table.add_row(size, number, *cells, f"{two / one:.2f}", f"{adjusted / one:.2f}")
+        console.print(f"{title}, mean and 95 % interval", table)
 
 
 if __name__ == "__main__":

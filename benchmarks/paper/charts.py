@@ -46,7 +46,7 @@ def bar_chart(rows: Rows, variants: Sequence[Variant], title: str, path: Path) -
         )
         axes.bar_label(bars, [f"{each:.0f} s" for each in means], padding=3, color=INK)
     axes.set_xticks(np.arange(len(ROOMS)), list(ROOMS.values()))
-    axes.set_ylabel("time from take-off to landing, s")
+    axes.set_ylabel("time of one round, s")
     axes.set_title(title, color=INK)
     axes.grid(axis="y", color=GRID)
     axes.set_axisbelow(True)

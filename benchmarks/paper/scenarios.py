@@ -4,7 +4,8 @@
 2  two UAVs trace opposite halves of the same rooms
 3  one UAV first flies to the largest distance from the wall that its sensors allow
 
-Speed 1 m/s, range 5 m, each flight 15 times. The times are from take-off to landing.
+Speed 1 m/s, range 5 m, each flight 15 times. The times are those of one round, from the opening
+turn to the end of the trace.
 """
 
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ ROOMS = {"room_100": "100 m²", "room_200": "200 m²", "room_300": "300 m²"}
 RUNS = 15
 """Flights of each bar, as in the paper."""
 LIMIT_S = 3600.0
-TIME, ERROR = "flight_time_s", "wall_error_aligned_cm"
+TIME, WHOLE, ERROR = "scan_time_s", "flight_time_s", "wall_error_aligned_cm"
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,11 @@ from companion.app import App
 from companion.config.settings import Config
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
-from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
 from companion.ticks import Progress
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.bench.engine import attempted, with_a_bar
+from sitl.bench.scan_time import TRACING, ScanTime
 from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report
@@ -26,8 +26,6 @@ from sitl.testing.script import Play
 from sitl.world.format import Segment
 from sitl.world.plan import wall_surfaces
 
-TRACING = ScanPhase.SCAN.value
-"""The companion's activity while it traces walls; not while it turns or flies a second round."""
 ALARM = "range sensor failed"
 """Beginning of the companion's trouble text; `companion/safety/health/watch.py`."""
 WALLS_OF_A_ROOM = 4
@@ -152,7 +150,8 @@ def _fly(job: Job) -> Flown:
         script(simulation, app)
         watched.tick(app.flight.activity, app.flight.trouble)
 
-    app, simulation = fly_in_lockstep(setup, settings, ignore, script=happens)
+    scan = ScanTime()
+    app, simulation = fly_in_lockstep(setup, settings, scan.watch, script=happens)
     plan = app.final_floor_plan()
     report = make_report(
         setup,
@@ -165,6 +164,7 @@ def _fly(job: Job) -> Flown:
     truth = wall_surfaces(setup.world, settings.mission.height_m)
     trace_s = watched.trace_s
     seen: Report = {
+        "scan_time_s": scan.seconds,
         "trace_time_s": trace_s,
         "trace_over_least": _over_least(trace_s, report, truth),
         "false_alarms": None if mission.events else watched.alarms,

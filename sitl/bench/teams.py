@@ -14,13 +14,11 @@ from companion.app import App
 from companion.config.settings import MissionConfig
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Hit
-from companion.pdps.flight.state import Phase
 from companion.pdps.layers import layer_height_m
-from companion.pdps.room_scan_state import ScanPhase
-from companion.ticks import Progress
 from sitl.bench import missions
 from sitl.bench.engine import attempted
 from sitl.bench.missions import Flown, Job, Sketch, in_world
+from sitl.bench.scan_time import ScanTime
 from sitl.bench.tables.worlds import world_table
 from sitl.scoring.coverage_time import first_seen_s, time_to_see_s
 from sitl.scoring.report import Report, make_report
@@ -64,26 +62,6 @@ class TeamFlown:
         return {**self.joint.row, "rows": self.drones}
 
 
-class _Trace:
-    """Time from the first turn of any drone to the end of the last one's trace."""
-
-    def __init__(self) -> None:
-        self._began_s, self._ended_s = math.inf, 0.0
-        self._returned: set[int] = set()
-
-    def watch(self, number: int, progress: Progress) -> None:
-        if progress.activity == ScanPhase.TURN.value:
-            self._began_s = min(self._began_s, progress.time_s)
-        if progress.activity == Phase.HOME.value and number not in self._returned:
-            self._returned.add(number)
-            self._ended_s = max(self._ended_s, progress.time_s)
-
-    @property
-    def seconds(self) -> float | None:
-        seconds = self._ended_s - self._began_s
-        return round(seconds, 1) if math.isfinite(seconds) else None
-
-
 def fly(job: TeamJob) -> TeamFlown:
     """Fly; an exception becomes a row of the results."""
     return attempted(job, _fly, lost)
@@ -99,12 +77,11 @@ def _fly(job: TeamJob) -> TeamFlown:
     began_s = time.monotonic()
     setup, settings, _ = job.single.prepared()
     setups, configs = team_setups(setup, settings, job.drones)
-    trace = _Trace()
-    flight = fly_team_in_lockstep(setups, configs, trace.watch)
+    scan, alone = ScanTime(), ScanTime()
+    flight = fly_team_in_lockstep(setups, configs, lambda number, progress: scan.watch(progress))
     waited_s = time.monotonic() - began_s
     team = scored(setup, configs, flight, waited_s)
-    alone = _Trace()
-    app, simulation = fly_in_lockstep(setup, settings, lambda progress: alone.watch(0, progress))
+    app, simulation = fly_in_lockstep(setup, settings, alone.watch)
     plan = app.final_floor_plan()
     single = make_report(
         setup, settings, plan, simulation.record, outcome=app.flight, waited_s=waited_s
@@ -114,12 +91,12 @@ def _fly(job: TeamJob) -> TeamFlown:
         **team.joint,
         **job.key,
         "lost": False,
-        "trace_s": trace.seconds,
-        "trace_ratio": _ratio(trace.seconds, alone.seconds),
+        "scan_time_s": scan.seconds,
+        "scan_ratio": _ratio(scan.seconds, alone.seconds),
         "coverage_ratio": _ratio(*times_s),
         "landing_ratio": _ratio(team.joint["flight_time_s"], single["flight_time_s"]),
         **{f"single_{key}": single[key] for key in OF_A_SINGLE},
-        "single_trace_s": alone.seconds,
+        "single_scan_time_s": alone.seconds,
     }
     truths = [vehicle.record for vehicle in flight.fleet.vehicles]
     walls = [
@@ -202,7 +179,7 @@ def sum_up(teams: Sequence[TeamFlown]) -> dict[str, Any]:
         apart_m = (row["apart_m"] for row in flown if row["apart_m"] is not None)
         totals["apart_min_m"] = min(apart_m, default=None)
         totals["coverage_median"] = round(median(row["coverage"] for row in flown), 4)
-    for key in ("trace_ratio", "coverage_ratio", "landing_ratio"):
+    for key in ("scan_ratio", "coverage_ratio", "landing_ratio"):
         ratios = [row[key] for row in flown if row[key] is not None]
         totals[f"{key}_mean"] = round(sum(ratios) / len(ratios), 3) if ratios else None
     return {"rows": [each.row for each in teams], "totals": totals}
@@ -216,7 +193,7 @@ _COLUMNS = (
     ("coverage", "{coverage:.1%}"),
     ("walls\ncm", "{wall_error_aligned_cm:.1f}"),
     ("one\ncm", "{single_wall_error_aligned_cm:.1f}"),
-    ("trace\nratio", "{trace_ratio:.2f}"),
+    ("scan\nratio", "{scan_ratio:.2f}"),
     ("same coverage\nratio", "{coverage_ratio:.2f}"),
     ("landing\nratio", "{landing_ratio:.2f}"),
 )

@@ -16,6 +16,7 @@ from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
 from sitl.bench import missions, surveys
 from sitl.bench.engine import attempted
 from sitl.bench.missions import Job, Physics, places_of_hits
+from sitl.bench.scan_time import ScanTime
 from sitl.bench.sets import suiting
 from sitl.bench.surveys import SurveyJob
 from sitl.campaign.scores import Row
@@ -172,10 +173,11 @@ def _of(flown: missions.Flown) -> tuple[Row, list[Vector2]]:
 def _fly_team(job: Job, drones: int, began_s: float) -> tuple[Row, list[Vector2]]:
     setup, settings, _ = job.prepared()
     setups, configs = team_setups(setup, settings, drones)
-    flown = fly_team_in_lockstep(setups, configs, lambda number, progress: None)
+    scan = ScanTime()
+    flown = fly_team_in_lockstep(setups, configs, lambda number, progress: scan.watch(progress))
     team = scored(setup, configs, flown, time.monotonic() - began_s)
     hits = places_of_hits([vehicle.record for vehicle in flown.fleet.vehicles])
-    return {**team.joint, **job.key, "lost": False}, hits
+    return {**team.joint, **job.key, "scan_time_s": scan.seconds, "lost": False}, hits
 
 
 def _each(hits: list[Vector2], axis: int) -> list[float]:

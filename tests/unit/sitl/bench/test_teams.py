@@ -44,7 +44,7 @@ def team(world: str, **fields: object) -> TeamFlown:
         "collisions": 0,
         "apart_m": 0.8,
         "coverage": 0.9,
-        "trace_ratio": None,
+        "scan_ratio": None,
         "coverage_ratio": 0.6,
         "landing_ratio": 0.7,
     }
@@ -58,6 +58,6 @@ def test_teams_are_summed_up() -> None:
     assert (totals["teams"], totals["completed"], totals["lost"]) == (3, 2, 1)
     assert totals["apart_min_m"] == 0.7
     assert totals["coverage_ratio_mean"] == pytest.approx(0.55)
-    assert totals["trace_ratio_mean"] is None
+    assert totals["scan_ratio_mean"] is None
     assert result["rows"][0]["rows"] == ({"drone": 1},)
     assert team_table(result).row_count == 3
