@@ -55,15 +55,15 @@ def survey_command(
     joint = survey.make_map()
     if joint is None:
         raise SurveyError(f"{folder}: no recording can be used: {survey.index.left_out}")
+    left = left_to_fly(joint.earlier, joint.recordings[-1].config)
     if what is What.EXPORT:
-        _export(joint, folder, [each.value for each in format_ or [Format("dxf")]])
+        _export(joint, left, folder, [each.value for each in format_ or [Format("dxf")]])
     console.print(_table(survey, joint))
     for name, reason in survey.index.left_out.items():
         console.print(f"not in the map: {name}: {reason}", soft_wrap=True)
     for change in joint.merged.changes:
         found_by = joint.merged.flights[change.flight].name
         console.print(change.in_words(found_by), soft_wrap=True)
-    left = left_to_fly(joint.earlier, joint.recordings[-1].config)
     console.print(left.in_words())
     if what is What.REPORT:
         _report(joint, left, folder)
@@ -103,12 +103,13 @@ def _report(joint: "SurveyMap", left: "Left", folder: Path) -> None:
     print(path)
 
 
-def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:
+def _export(joint: "SurveyMap", left: "Left", folder: Path, formats: list[str]) -> None:
     with needs_extra("export"):
-        from companion.export.formats import export  # noqa: PLC0415
+        from companion.export.formats import export  # noqa: PLC0415 - not for the drone
         from companion.export.labels import Labels  # noqa: PLC0415
         from companion.export.plan.survey import survey  # noqa: PLC0415
 
         link = joint.recordings[0].config.link
-        labels = Labels(f"Survey {folder.name}", link.place)
+        unfinished = "" if left.is_nothing else left.in_words()
+        labels = Labels(f"Survey {folder.name}", link.place, unfinished=unfinished)
         export(survey(joint.merged.plan), formats, folder, "survey", labels, tell=print)

@@ -176,7 +176,7 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, labels: Labels) -> None
     axes.text(left_mm, FOOT_MM - 13, _facts(survey), fontsize=8, color=INK, va="center")
     notes = "metres, measured between surfaces; black: measured from both sides; grey: from one"
     if labels.unfinished:
-        notes = f"{INCOMPLETE}: {labels.unfinished}; " + notes
+        notes = f"{INCOMPLETE}: {labels.unfinished}"
     axes.text(left_mm, FOOT_MM - 18, notes, fontsize=6.5, color=FAINT, va="center")
 
 
