@@ -63,7 +63,12 @@ def write_geojson(survey: Survey, path: Path, place: Place | None) -> None:
         for wall in plan.walls
     ]
     features += [
-        line([gap.start_ne_m, gap.end_ne_m], "opening", width_m=round(gap.width_m, 4))
+        line(
+            [gap.start_ne_m, gap.end_ne_m],
+            "opening",
+            width_m=round(gap.width_m, 4),
+            sigma_m=round(gap.sigma_m, 4),
+        )
         for gap in survey.openings
     ]
     features += [

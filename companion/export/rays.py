@@ -12,19 +12,26 @@ MAX_NOISE_M = 1.0
 def rays(plan: FloorPlan) -> Array:
     """Segments from the drone to each hit, cut off at a wall that the hit lies just behind.
 
-    The drone's position is interpolated on the path. A map read from map.json has no hits, so the
+    A map read from map.json has no hits, so the
     result is empty.
     """
-    if not plan.hits or not plan.path:
+    starts = eyes_xy_m(plan)
+    if not len(starts):
         return np.empty((0, 2, 2))
+    ends = np.array([hit.position_ned_m for hit in plan.hits])[:, 1::-1]
+    walls = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in plan.walls])
+    return _up_to_walls(np.stack([starts, ends], axis=1), walls.reshape(-1, 2, 2)[:, :, ::-1])
+
+
+def eyes_xy_m(plan: FloorPlan) -> Array:
+    """(n, 2): the drone's place, east and north, at each hit, m; none without hits or path."""
+    if not plan.hits or not plan.path:
+        return np.empty((0, 2))
     times_s = [hit.time_s for hit in plan.hits]
     known_s = [pose.time_s for pose in plan.path]
     east_m = np.interp(times_s, known_s, [pose.east_m for pose in plan.path])
     north_m = np.interp(times_s, known_s, [pose.north_m for pose in plan.path])
-    starts = np.column_stack([east_m, north_m])
-    ends = np.array([hit.position_ned_m for hit in plan.hits])[:, 1::-1]
-    walls = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in plan.walls])
-    return _up_to_walls(np.stack([starts, ends], axis=1), walls.reshape(-1, 2, 2)[:, :, ::-1])
+    return np.column_stack([east_m, north_m])
 
 
 def _up_to_walls(lines: Array, walls: Array) -> Array:

@@ -20,6 +20,7 @@ def write_json(survey: Survey, path: Path) -> None:
                 "start_ne_m": opening.start_ne_m,
                 "end_ne_m": opening.end_ne_m,
                 "width_m": opening.width_m,
+                "sigma_m": opening.sigma_m,
             }
             for opening in survey.openings
         ],

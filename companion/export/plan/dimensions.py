@@ -28,6 +28,8 @@ TEXT_MM, OPENING_MM = 2.5, 2.0
 OFF_MM, LINES_MM, TEXT_OFF_MM = 3.5, 5.0, 2.0
 """Distance from a wall to its dimension line, between two such lines, and from a line to the middle
 of its text, mm. Chosen."""
+SIGMAS = 2
+"""Tolerance of an opening's width in sigmas: 19 of 20."""
 LINES = 2
 """Number of lines on either side of a wall. Chosen."""
 CHARACTER = 0.6
@@ -81,7 +83,10 @@ class Placing:
         """Dimensions of openings, walls and the building."""
         for opening in openings:
             start, end = _xy(opening.start_ne_m), _xy(opening.end_ne_m)
-            yield from self._placed(_opening(start, end, side) for side in (1, -1))
+            text = f"{opening.width_m:.2f}"
+            if opening.sigma_m:
+                text += f" ± {SIGMAS * opening.sigma_m:.2f}"
+            yield from self._placed(_opening(start, end, side, text) for side in (1, -1))
         walls = [
             wall
             for wall in self._parts.walls
@@ -173,7 +178,7 @@ class Placing:
         return not (_distances_m(circles[:, :2], self._lines) < circles[:, 2:]).any()
 
 
-def _opening(start: Vector2, end: Vector2, side: int) -> Dimension:
+def _opening(start: Vector2, end: Vector2, side: int, text: str) -> Dimension:
     """The width of an opening, beside its middle, without a line."""
     width_m = math.dist(start, end)
     off = 0.35 * side / width_m
@@ -181,7 +186,7 @@ def _opening(start: Vector2, end: Vector2, side: int) -> Dimension:
         (start[0] + end[0]) / 2 + off * (start[1] - end[1]),
         (start[1] + end[1]) / 2 + off * (end[0] - start[0]),
     )
-    return Dimension(start, end, (0.0, 0.0), f"{width_m:.2f}", middle, OPENING_MM)
+    return Dimension(start, end, (0.0, 0.0), text, middle, OPENING_MM)
 
 
 def _distances_m(points: Array, lines: Array) -> Array:

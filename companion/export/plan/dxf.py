@@ -142,6 +142,7 @@ def _dimension(space: Modelspace, dimension: Dimension) -> None:
         p1=start,
         p2=end,
         distance=off.magnitude if is_left else -off.magnitude,
+        text="<>" if off else dimension.text.replace("±", "%%p"),
         dimstyle="METRES",
         dxfattribs={"layer": Layer.DIMENSIONS},
     )

@@ -23,6 +23,7 @@ from shapely import LineString, MultiLineString, Polygon
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, ned_to_frd
 from companion.core.messages import FloorPlan, WallSegment
+from companion.export.plan.jambs import Jambs
 from companion.export.plan.turned import turned
 from companion.export.rays import rays
 
@@ -59,6 +60,8 @@ class Opening:
 
     start_ne_m: Vector2
     end_ne_m: Vector2
+    sigma_m: float = 0.0
+    """Sigma of its width; 0 if it is not known."""
 
     @property
     def width_m(self) -> float:
@@ -66,7 +69,8 @@ class Opening:
 
     def turned(self, up_rad: float) -> "Opening":
         """The same in a frame whose x axis has this heading, rad."""
-        return Opening(ned_to_frd(*self.start_ne_m, up_rad), ned_to_frd(*self.end_ne_m, up_rad))
+        start, end = (ned_to_frd(*each, up_rad) for each in (self.start_ne_m, self.end_ne_m))
+        return Opening(start, end, self.sigma_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +133,8 @@ def survey(plan: FloorPlan) -> Survey:
     cuts = _cuts(plan.walls, looks)
     faces = _faces(plan.walls, cuts)
     rooms = _rooms(faces, cuts, looks)
-    return Survey(plan, _named(rooms), _openings(cuts, rooms, looks))
+    openings = map(Jambs(plan).measured, _openings(cuts, rooms, looks))
+    return Survey(plan, _named(rooms), tuple(openings))
 
 
 def _line(start: Vector2, end: Vector2) -> LineString:
