@@ -2,7 +2,8 @@
 
 Command: `python -m benchmarks.pictures.export_samples [--out docs/samples]`.
 
-Flies the paper's room 1 and writes the samples of docs/exports.md and docs/recording.md.
+Flies the paper's room 1 and its complex building, and writes the samples of docs/exports.md and
+docs/recording.md.
 """
 
 import argparse
@@ -23,6 +24,11 @@ def main() -> None:
         flight = recorded.rename(recorded.with_name("room_100.mcap"))
         export_command(flight, list(Format), options.out, lat_deg=47.3977, lon_deg=8.5456)
         report_command(flight, options.out / "room_100.html")
+        flight.unlink()
+        Sitl(Path(folder)).fly("complex", mission="building", record=Path(folder))
+        (recorded,) = Path(folder).glob("*.mcap")
+        building = recorded.rename(recorded.with_name("complex.mcap"))
+        export_command(building, [Format("svg")], options.out, path=False, points=False)
 
 
 if __name__ == "__main__":

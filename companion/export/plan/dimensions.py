@@ -54,6 +54,12 @@ class Dimension:
     height_mm: float
 
     @property
+    def line(self) -> Array:
+        """(1, 4): the dimension line: x and y of both ends, m."""
+        start, end = (np.add(each, self.off_xy_m) for each in (self.start_xy_m, self.end_xy_m))
+        return np.array([[*start, *end]])
+
+    @property
     def angle_rad(self) -> float:
         """Direction of the text: readable from below, and along an upright wall from the right."""
         (x_a, y_a), (x_b, y_b) = self.start_xy_m, self.end_xy_m
@@ -73,6 +79,7 @@ class Placing:
                 for wall in (*parts.walls, *parts.furniture)
             ]
         ).reshape(-1, 4)
+        """(n, 4): lines that no text may lie on: x and y of both ends, m."""
 
     def keep_off(self, text: str, at_xy_m: Vector2, height_mm: float, angle_rad: float = 0) -> None:
         """Note a text that is placed already."""
@@ -119,7 +126,8 @@ class Placing:
         low = [min(span) for span in spans]
         for number, (axis, beside) in enumerate(((along, up), (up, along))):
             length_m = max(spans[number]) - low[number]
-            if any(wall.length_m > WHOLE * length_m for wall in self._walls_along(axis)):
+            has_own = any(wall.length_m > WHOLE * length_m for wall in self._walls_along(axis))
+            if has_own or length_m < MIN_LENGTH_M:
                 continue
             start = low[0] * along + low[1] * up
             first, last, off = start, start + length_m * axis, -off_m * beside
@@ -137,10 +145,17 @@ class Placing:
         """The first candidate whose text is free."""
         for each in candidates:
             text = each.text, each.text_xy_m, each.height_mm, each.angle_rad
-            if self._is_free(self._covering(*text)):
+            if self._is_free(self._covering(*text)) and not self._crosses_text(each.line):
                 self.keep_off(*text)
+                if any(each.off_xy_m):
+                    self._lines = np.concatenate([self._lines, each.line])
                 yield each
                 return
+
+    def _crosses_text(self, line: Array) -> bool:
+        """True if a line (1, 4) lies on a text."""
+        off_m = _distances_m(self._circles[:, :2], line)
+        return bool((off_m < self._circles[:, 2:]).any())
 
     def _candidates(self, start: Vector2, end: Vector2, side: Vector2) -> Iterator[Dimension]:
         for sign in (1, -1):
@@ -160,7 +175,7 @@ class Placing:
         """Circles (n, 3) along a text that cover it: x, y, radius, m."""
         height_m = height_mm * self._m_per_mm
         half_m = 0.5 * CHARACTER * height_m * len(text)
-        along_m = np.linspace(-half_m, half_m, 1 + math.ceil(2 * half_m / height_m))
+        along_m = np.linspace(-half_m, half_m, 1 + math.ceil(4 * half_m / height_m))
         return np.column_stack(
             [
                 at_xy_m[0] + along_m * math.cos(angle_rad),

@@ -151,7 +151,7 @@ corner = st.tuples(st.floats(0, 10), st.floats(0, 10))
 
 
 @given(st.lists(st.tuples(corner, corner), min_size=1, max_size=25))
-def test_no_text_lies_on_another_or_on_a_wall(pieces: list[tuple[Vector2, Vector2]]) -> None:
+def test_no_text_lies_on_another_or_on_a_line(pieces: list[tuple[Vector2, Vector2]]) -> None:
     walls = [wall(*piece) for piece in pieces if math.dist(*piece) > 0.2]
     drawing = draw(FloorPlan(walls=tuple(walls)), (), (), Contents(), SCALE / 1000)
     texts = [box(each) for each in drawing.dimensions]
@@ -161,6 +161,8 @@ def test_no_text_lies_on_another_or_on_a_wall(pieces: list[tuple[Vector2, Vector
         for each in walls:
             line = shapely.LineString([each.start_ne_m[::-1], each.end_ne_m[::-1]])
             assert not line.intersects(text)
+        for drawn in drawing.dimensions:
+            assert not shapely.LineString(drawn.line.reshape(2, 2)).intersects(text)
 
 
 def test_an_office_of_16_by_10_m_fits_on_a4_at_any_heading() -> None:
