@@ -14,10 +14,10 @@ from companion.core.errors import RecordingError
 from companion.core.extras import needs_extra
 from companion.core.frames import Place
 from companion.core.messages import FloorPlan
-from companion.export.labels import Labels
 from companion.export.plan.drawing import Contents
+from companion.export.plan.labels import Labels
+from companion.export.plan.room_names import read_room_names
 from companion.export.plan.turned import Up
-from companion.export.room_names import read_room_names
 from companion.pdps.flight.state import Phase
 from companion.run.console import summary
 

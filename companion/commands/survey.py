@@ -106,7 +106,7 @@ def _report(joint: "SurveyMap", left: "Left", folder: Path) -> None:
 def _export(joint: "SurveyMap", left: "Left", folder: Path, formats: list[str]) -> None:
     with needs_extra("export"):
         from companion.export.formats import export  # noqa: PLC0415 - not for the drone
-        from companion.export.labels import Labels  # noqa: PLC0415
+        from companion.export.plan.labels import Labels  # noqa: PLC0415
         from companion.export.plan.survey import survey  # noqa: PLC0415
 
         link = joint.recordings[0].config.link

@@ -8,8 +8,8 @@ from typing import Any
 
 from companion.core.errors import CompanionError, OutputError
 from companion.core.extras import needs_extra
-from companion.export.labels import Labels
 from companion.export.map_files import each_by_itself
+from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 
 WRITERS = {

@@ -29,7 +29,7 @@ def write(plan: FloorPlan, path: Path, title: str, place: Place | None) -> None:
         case _ if name in FORMATS:
             with needs_extra("export"):
                 from companion.export.formats import export  # noqa: PLC0415
-                from companion.export.labels import Labels  # noqa: PLC0415
+                from companion.export.plan.labels import Labels  # noqa: PLC0415
                 from companion.export.plan.survey import survey  # noqa: PLC0415
 
                 export(survey(plan), [name], path.parent, path.stem, Labels(title, place))

@@ -1,1 +1,6 @@
-"""Draws the floor plan: rooms and openings, dimensions, paper sheet, DXF."""
+"""Draws the floor plan, once for CAD, paper and pictures.
+
+    map ─► rooms and openings (survey, jambs) ─► turned ─┐
+                      building and furniture (building) ─┴─► drawing ─┬─► figure ─► sheet, map.png
+                                    labels, room names  ──────────────┘└► dxf
+"""

@@ -11,9 +11,9 @@ from ezdxf.math import Vec2, Vec3
 from ezdxf.units import M
 
 from companion.core.frames import Vector2
-from companion.export.labels import Labels
 from companion.export.plan.dimensions import TEXT_MM, Dimension
 from companion.export.plan.drawing import Area, Layer, Stroke, draw
+from companion.export.plan.labels import Labels
 from companion.export.plan.sheet import INCOMPLETE, choose_sheet, turned_up
 from companion.export.plan.survey import Survey
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from companion.core.figures import Axes, Figure, Polygon, rc_context
-from companion.export.labels import Labels
 from companion.export.plan.drawing import Contents, draw
 from companion.export.plan.figure import FAINT, INK, draw_in
+from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 from companion.export.plan.turned import Up, up_rad
 

@@ -31,8 +31,8 @@ from companion.core.frames import Place, ned_to_enu, ned_to_gltf
 from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, export
-from companion.export.labels import Labels
 from companion.export.plan.figure import INK
+from companion.export.plan.labels import Labels
 from companion.export.plan.sheet import EDGE_MM, FOOT_MM, choose_sheet
 from companion.export.plan.survey import Survey, survey
 from companion.export.plan.turned import Up

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallSegment
-from companion.export.labels import Labels
 from companion.export.plan.jambs import BEARING_RAD, POSE_M, Jambs
+from companion.export.plan.labels import Labels
 from companion.export.plan.sheet import write_svg
 from companion.export.plan.survey import Opening, survey
 

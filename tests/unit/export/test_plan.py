@@ -16,15 +16,15 @@ from hypothesis import strategies as st
 from companion.core.errors import ConfigError
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallSegment
-from companion.export.labels import Labels
 from companion.export.plan.building import building
 from companion.export.plan.dimensions import CHARACTER, Dimension
 from companion.export.plan.drawing import Contents, draw
 from companion.export.plan.dxf import write_dxf
+from companion.export.plan.labels import Labels
+from companion.export.plan.room_names import read_room_names
 from companion.export.plan.sheet import choose_sheet, write_svg
 from companion.export.plan.survey import survey
 from companion.export.plan.turned import Up, main_direction_rad, turned, up_rad
-from companion.export.room_names import read_room_names
 
 LABELS = Labels("a flight", heading_rad=math.radians(30))
 THICK_M = 0.12

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from companion.core.frames import Place
 from companion.core.messages import FloorPlan, Pose, WallSegment
 from companion.export.formats import export
-from companion.export.labels import Labels
+from companion.export.plan.labels import Labels
 from companion.export.plan.survey import survey
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
