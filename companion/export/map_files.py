@@ -1,7 +1,8 @@
 """Writes the map as files: JSON for programs, PNG for people, PLY for 3-D viewers.
 
-JSON uses the local NED frame; PNG and PLY use ENU, as their readers expect. Every file is written
-under a temporary name and then renamed, so that a crash never leaves an incomplete file.
+JSON uses the local NED frame; PLY uses ENU, as its readers expect; PNG has the main walls upright.
+Every file is written under a temporary name and then renamed, so that a crash never leaves an
+incomplete file.
 """
 
 import contextlib
