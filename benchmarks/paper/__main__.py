@@ -1,7 +1,7 @@
 """Reprints section 5 of the paper: `python -m benchmarks.paper --out DIR`.
 
 Flies each scenario 15 times, and writes bar charts, map pictures, and 3-D maps of four buildings.
-Prints the tables of docs/paper.md. It takes about an hour on two cores; the same command goes on
+Prints the tables of docs/paper.md. It takes half an hour on two cores; the same command goes on
 where the last one ended.
 """
 
