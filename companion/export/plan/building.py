@@ -9,12 +9,11 @@ known.
 """
 
 import math
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from companion.core.arrays import Array
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2
 from companion.core.messages import FloorPlan, WallSegment
 from companion.core.values import value
@@ -80,7 +79,8 @@ def building(plan: FloorPlan) -> Building:
     sides = [line.side_of_beams(beams) for line in lines]
     covered: list[list[Vector2]] = [[] for _ in walls]
     solids, second = [], set()
-    for i, j in combinations(range(len(walls)), 2):
+    near = _pairs(lines, lambda line, ends: line.are_near(ends))
+    for i, j in np.argwhere(np.triu(near, 1)).tolist():
         overlap = lines[i].beside(lines[j], sides[i], sides[j])
         if overlap is None:
             continue
@@ -105,12 +105,12 @@ def _divided(
     is_building = [line.length_m > LONGEST_FURNITURE_M for line in lines]
     if not any(is_building):
         return tuple(walls), ()
-    joined = [[one.is_joined(other) for other in lines] for one in lines]
+    touched = _pairs(lines, lambda line, ends: line.are_touching(ends))
+    joined = touched | touched.T
     ahead = [number for number, found in enumerate(is_building) if found]
     while ahead:
-        number = ahead.pop()
-        for other, touches in enumerate(joined[number]):
-            if touches and not is_building[other]:
+        for other in np.flatnonzero(joined[ahead.pop()]).tolist():
+            if not is_building[other]:
                 is_building[other] = True
                 ahead.append(other)
     both = list(zip(walls, is_building, strict=True))
@@ -130,11 +130,20 @@ def _uncovered(length_m: float, pieces: Sequence[Vector2]) -> list[Vector2]:
     return left
 
 
+def _pairs(lines: Sequence["_Line"], are: Callable[["_Line", Array], Mask]) -> Mask:
+    """(w, w): what holds between each wall and the ends (w, 2, 2) of all walls."""
+    if not lines:
+        return np.zeros((0, 0), dtype=bool)
+    ends_ne_m = np.array([line.ends_ne_m for line in lines])
+    return np.array([are(line, ends_ne_m) for line in lines])
+
+
 class _Line:
     """A wall's own coordinates: along it from its start, and to the right of it, m."""
 
     def __init__(self, wall: WallSegment) -> None:
         self._wall = wall
+        self.ends_ne_m = wall.start_ne_m, wall.end_ne_m
         self._start: Array = np.array(wall.start_ne_m)
         self._end: Array = np.array(wall.end_ne_m)
         self.length_m = wall.length_m
@@ -147,7 +156,7 @@ class _Line:
         return float(north_m), float(east_m)
 
     def _of(self, places_ne_m: Array) -> tuple[Array, Array]:
-        """(n,), (n,): along and to the right of the wall of places (n, 2), m."""
+        """Along and to the right of the wall of places (..., 2), m, each (...)."""
         off_m = places_ne_m - self._start
         return off_m @ self._along, off_m @ self._right
 
@@ -164,15 +173,17 @@ class _Line:
         is_off = from_right_m[np.abs(from_right_m) > ON_WALL_M]
         return float(np.sign(is_off).mean()) if len(is_off) else 0.0
 
-    def is_joined(self, other: "_Line") -> bool:
-        """True if an end of one is near the other."""
-        return self._is_touched(other) or other._is_touched(self)
-
-    def _is_touched(self, other: "_Line") -> bool:
-        ends = np.array((other._start, other._end))
-        along_m, right_m = self._of(ends)
+    def are_touching(self, ends_ne_m: Array) -> Mask:
+        """(w,): True for walls with an end, of (w, 2, 2), near this one."""
+        along_m, right_m = self._of(ends_ne_m)
         past_m = np.maximum(np.maximum(-along_m, along_m - self.length_m), 0.0)
-        return bool((np.hypot(past_m, right_m) < TOUCHING_M).any())
+        return np.asarray((np.hypot(past_m, right_m) < TOUCHING_M).any(axis=1))
+
+    def are_near(self, ends_ne_m: Array) -> Mask:
+        """(w,): True for walls with ends (w, 2, 2) that may be the other surface of this one."""
+        _, right_m = self._of(ends_ne_m)
+        near: Mask = np.abs(right_m.mean(axis=1)) < THICKEST_M
+        return near
 
     def beside(self, other: "_Line", side: float, its_side: float) -> Vector2 | None:
         """Where along this wall the other is its second surface, m; None if it is not.
