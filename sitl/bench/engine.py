@@ -61,6 +61,8 @@ LOCAL = {
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.pause": False,
     "distributed.worker.memory.terminate": False,
+    # nobody reads the profile, for which a thread takes a sample every 10 ms
+    "distributed.worker.profile.enabled": False,
 }
 """Dask's settings for workers on this machine."""
 REASONS = "pdps-reasons"
