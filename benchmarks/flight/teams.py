@@ -4,7 +4,7 @@ Two drones in the paper's rooms and buildings, in the office, in random building
 and in the layers of the office, and four in larger buildings; `--plans FOLDER` adds the plans of a
 folder that are not malls, with four drones and a battery of 600 s. Prints a row for each team:
 hits, least distance between drones, coverage, wall errors, and the team's share of the time that
-one drone needs for the trace of a room, for the same coverage, and until the last landing. A seed
+one drone needs for one round of a room, for the same coverage, and until the last landing. A seed
 of all worlds takes about two hours on two cores; the same command resumes an interrupted campaign.
 """
 

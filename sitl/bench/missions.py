@@ -100,7 +100,7 @@ class Sketch:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """Result of a flight: the keys of its job and its report, and the time of the trace."""
+    """Result of a flight: the keys of its job and its report, and the times of scan and trace."""
 
     row: Report
     sketch: Sketch = field(default_factory=Sketch)
