@@ -16,7 +16,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import WallSegment
 from companion.core.values import value
 from companion.export.plan.building import Building
-from companion.export.plan.turned import main_direction_rad
+from companion.export.plan.turned import main_direction_rad, to_xy
 
 if TYPE_CHECKING:  # they need a library that the drone does without
     from companion.export.plan.survey import Opening
@@ -75,7 +75,7 @@ class Placing:
         """(n, 3): circles that cover the texts: x, y, radius, m."""
         self._lines: Array = np.array(
             [
-                (*_xy(wall.start_ne_m), *_xy(wall.end_ne_m))
+                (*to_xy(wall.start_ne_m), *to_xy(wall.end_ne_m))
                 for wall in (*parts.walls, *parts.furniture)
             ]
         ).reshape(-1, 4)
@@ -89,7 +89,7 @@ class Placing:
     def dimensions(self, openings: Sequence["Opening"]) -> Iterator[Dimension]:
         """Dimensions of openings, walls and the building."""
         for opening in openings:
-            start, end = _xy(opening.start_ne_m), _xy(opening.end_ne_m)
+            start, end = to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)
             text = f"{opening.width_m:.2f}"
             if opening.sigma_m:
                 text += f" ± {SIGMAS * opening.sigma_m:.2f}"
@@ -100,7 +100,7 @@ class Placing:
             if wall.length_m >= MIN_LENGTH_M and wall not in self._parts.second_faces
         ]
         for wall in sorted(walls, key=lambda wall: -wall.length_m):
-            start, end = _xy(wall.start_ne_m), _xy(wall.end_ne_m)
+            start, end = to_xy(wall.start_ne_m), to_xy(wall.end_ne_m)
             yield from self._placed(self._candidates(start, end, self._behind_xy(wall)))
         yield from self._overall()
 
@@ -108,8 +108,8 @@ class Placing:
         """Unit vector across a wall, away from where it was seen if that was one side."""
         for face in self._parts.faces:
             if face.wall == wall:
-                return _xy(face.behind_ne)
-        (x_a, y_a), (x_b, y_b) = _xy(wall.start_ne_m), _xy(wall.end_ne_m)
+                return to_xy(face.behind_ne)
+        (x_a, y_a), (x_b, y_b) = to_xy(wall.start_ne_m), to_xy(wall.end_ne_m)
         return (y_a - y_b) / wall.length_m, (x_b - x_a) / wall.length_m
 
     def _overall(self) -> Iterator[Dimension]:
@@ -117,7 +117,7 @@ class Placing:
         walls = self._parts.walls
         if not walls:
             return
-        ends = np.array([_xy(end) for wall in walls for end in (wall.start_ne_m, wall.end_ne_m)])
+        ends = np.array([to_xy(end) for wall in walls for end in (wall.start_ne_m, wall.end_ne_m)])
         turn_rad = main_direction_rad(walls)  # clockwise on the paper, where headings go that way
         along = np.array((math.cos(turn_rad), -math.sin(turn_rad)))
         up = np.array((math.sin(turn_rad), math.cos(turn_rad)))
@@ -137,7 +137,7 @@ class Placing:
         return [
             wall
             for wall in self._parts.walls
-            if abs(np.subtract(_xy(wall.end_ne_m), _xy(wall.start_ne_m)) @ axis)
+            if abs(np.subtract(to_xy(wall.end_ne_m), to_xy(wall.start_ne_m)) @ axis)
             > wall.length_m / math.sqrt(2)
         ]
 
@@ -216,7 +216,3 @@ def _distances_m(points: Array, lines: Array) -> Array:
 
 def _pair(vector: Array) -> Vector2:
     return float(vector[0]), float(vector[1])
-
-
-def _xy(point_ne_m: Vector2) -> Vector2:
-    return point_ne_m[1], point_ne_m[0]

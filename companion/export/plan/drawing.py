@@ -17,6 +17,7 @@ from companion.core.messages import FloorPlan, WallSegment
 from companion.core.values import value
 from companion.export.plan.building import Building, building
 from companion.export.plan.dimensions import Dimension, Placing
+from companion.export.plan.turned import to_xy
 
 if TYPE_CHECKING:  # they need a library that the drone does without
     from companion.export.plan.survey import Opening, Room
@@ -116,7 +117,7 @@ def draw(
         tuple((hit.position_ned_m[1], hit.position_ned_m[0]) for hit in plan.hits)
         if contents.points
         else (),
-        tuple(tuple(_xy(pose.ne_m) for pose in flown) for flown in plan.paths)
+        tuple(tuple(to_xy(pose.ne_m) for pose in flown) for flown in plan.paths)
         if contents.path
         else (),
     )
@@ -128,32 +129,28 @@ def _strokes(parts: Building, openings: Sequence["Opening"]) -> Iterator[Stroke]
     for wall in parts.walls:
         yield Stroke(Layer.WALLS, _line(wall))
     for opening in openings:
-        yield Stroke(Layer.OPENINGS, (_xy(opening.start_ne_m), _xy(opening.end_ne_m)))
+        yield Stroke(Layer.OPENINGS, (to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)))
 
 
 def _areas(parts: Building, rooms: Sequence["Room"], m_per_mm: float) -> Iterator[Area]:
     for room in rooms:
         rings = (room.outline_ne_m, *room.holes_ne_m)
-        yield Area(Layer.ROOMS, tuple(tuple(map(_xy, ring)) for ring in rings))
+        yield Area(Layer.ROOMS, tuple(tuple(map(to_xy, ring)) for ring in rings))
     for face in parts.faces:
         back_m = tuple(BAND_MM * m_per_mm * each for each in face.behind_ne)
         ends = face.start_ne_m, face.end_ne_m
         behind = tuple((north + back_m[0], east + back_m[1]) for north, east in reversed(ends))
-        yield Area(Layer.BEHIND, (tuple(map(_xy, (*ends, *behind))),))
+        yield Area(Layer.BEHIND, (tuple(map(to_xy, (*ends, *behind))),))
     for solid in parts.solids:
-        yield Area(Layer.SOLID, (tuple(map(_xy, solid.ring_ne_m)),))
+        yield Area(Layer.SOLID, (tuple(map(to_xy, solid.ring_ne_m)),))
 
 
 def _labels(room: "Room", contents: Contents, m_per_mm: float) -> Iterator[Label]:
-    x, y = _xy(room.label_ne_m)
+    x, y = to_xy(room.label_ne_m)
     off_m = 0.8 * NAME_MM * m_per_mm
     yield Label(contents.room_names.get(room.name, room.name), (x, y + off_m), NAME_MM)
     yield Label(f"{room.area_m2:.1f} m²", (x, y - off_m), AREA_MM)
 
 
 def _line(wall: WallSegment) -> tuple[Vector2, Vector2]:
-    return _xy(wall.start_ne_m), _xy(wall.end_ne_m)
-
-
-def _xy(point_ne_m: Vector2) -> Vector2:
-    return point_ne_m[1], point_ne_m[0]
+    return to_xy(wall.start_ne_m), to_xy(wall.end_ne_m)

@@ -11,7 +11,9 @@ from companion.export.plan.dimensions import Dimension
 from companion.export.plan.drawing import Area, Drawing, Layer, Stroke
 
 INK, FAINT, RETURNS, DOOR = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f"
-PT_PER_MM = 72 / 25.4
+MM_PER_INCH = 25.4
+"""Millimetres per inch, exact by definition."""
+PT_PER_MM = 72 / MM_PER_INCH
 """Points per millimetre, exact by definition."""
 FINE_PT, PATH_PT, RETURNS_PT = 0.4, 0.7, 0.9
 """Widths of dimension lines and paths, and diameter of a beam's end, points. Chosen."""

@@ -10,13 +10,11 @@ from typing import Any
 
 from companion.core.figures import Axes, Figure, Polygon, rc_context
 from companion.export.plan.drawing import Contents, draw
-from companion.export.plan.figure import FAINT, INK, draw_in
+from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
-from companion.export.plan.turned import Up, up_rad
+from companion.export.plan.turned import Up, extent_m, up_rad
 
-MM_PER_INCH = 25.4
-"""Millimetres per inch, exact by definition."""
 EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
 FOOT_MM = 24.0
@@ -82,12 +80,7 @@ def write_pdf(survey: Survey, path: Path, labels: Labels) -> None:
 
 def choose_sheet(survey: Survey, contents: Contents) -> Sheet:
     """Choose the largest scale that fits: A4 down to 1:100, else A3; landscape or portrait."""
-    plan = survey.plan
-    corners = [end for wall in plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
-    if contents.path or not corners:
-        corners += [pose.ne_m for pose in plan.path] or [(0.0, 0.0)]
-    south_m, north_m = min(n for n, _ in corners), max(n for n, _ in corners)
-    west_m, east_m = min(e for _, e in corners), max(e for _, e in corners)
+    west_m, south_m, east_m, north_m = extent_m(survey.plan, with_path=contents.path)
     sheets = [
         Sheet(paper, *size, scale, 0.0, 0.0)
         for scale in SCALES

@@ -80,6 +80,20 @@ def turned(plan: FloorPlan, up_rad: float) -> FloorPlan:
     )
 
 
+def to_xy(point_ne_m: Vector2) -> Vector2:
+    """North and east of a turned map as x and y on the paper, m."""
+    return point_ne_m[1], point_ne_m[0]
+
+
+def extent_m(plan: FloorPlan, *, with_path: bool) -> tuple[float, float, float, float]:
+    """West, south, east and north edge of the walls, and of the path; of a point without both."""
+    corners = [end for wall in plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
+    if with_path or not corners:
+        corners += [pose.ne_m for pose in plan.path] or [(0.0, 0.0)]
+    north_m, east_m = zip(*corners, strict=True)
+    return min(east_m), min(north_m), max(east_m), max(north_m)
+
+
 def _heading_rad(wall: WallSegment) -> float:
     (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
     return math.atan2(east_b - east_a, north_b - north_a)

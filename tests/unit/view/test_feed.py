@@ -29,6 +29,7 @@ from companion.ticks import Inputs, Outputs, Progress
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
+from tests.processes.started import free_tcp_port
 from tests.unit.team.rooms import Member
 from tests.unit.team.rooms import config as team_config
 from tests.waiting import DEADLINE_S, PAUSE
@@ -194,7 +195,7 @@ def test_addresses_of_drones_are_parsed() -> None:
     with pytest.raises(ViewError, match="HOST:PORT"):
         parse_address("drone:port")
     with pytest.raises(ViewError, match=r"view\.listen"):
-        FeedClient(("127.0.0.1", free_port()), "", lambda seen: None, lambda reason: None)
+        FeedClient(("127.0.0.1", free_tcp_port()), "", lambda seen: None, lambda reason: None)
 
 
 def test_a_snapshot_of_excessive_length_is_not_read() -> None:
@@ -213,12 +214,6 @@ def test_a_snapshot_of_excessive_length_is_not_read() -> None:
     assert "2147483648 bytes" in complaints.get(timeout=DEADLINE_S)
     viewer.close()
     listener.close()
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def test_a_bad_address_in_the_configuration_is_reported(tmp_path: Path) -> None:
