@@ -6,7 +6,15 @@ from typing import Annotated
 import typer
 
 from companion.core.extras import needs_extra
-from companion.view.options import PAGE_PORT, Host, Port, TokenFile, until_interrupted
+from companion.view.options import (
+    PAGE_PORT,
+    Host,
+    OpenBrowser,
+    Port,
+    TokenFile,
+    open_in_browser,
+    until_interrupted,
+)
 
 RECORDING_SUFFIX = ".mcap"
 
@@ -18,6 +26,7 @@ def view(
     host: Host = "127.0.0.1",
     port: Port = PAGE_PORT,
     token_file: TokenFile = None,
+    browser: OpenBrowser = True,
 ) -> None:
     """Fly on a web page, or play back a recording. Ctrl-C ends it."""
     with needs_extra("viewer"):
@@ -30,6 +39,8 @@ def view(
     is_recording = what.endswith(RECORDING_SUFFIX)
     page = Playback(server, Path(what)) if is_recording else Page(server, what)
     print(f"open     {address}", flush=True)
+    if browser:
+        open_in_browser(address)
     try:
         page.run(is_over)
     finally:

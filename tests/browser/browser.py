@@ -96,6 +96,11 @@ def press(page: Page, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).click()
 
 
+def unfold(page: Page, folder: str) -> None:
+    """Open a folded part of a panel."""
+    page.get_by_text(folder, exact=True).click()
+
+
 def coloured(page: Page, from_share: float, to_share: float) -> int:
     """Number of coloured pixels in a part of the scene, from left (0) to right (1)."""
     width = SIZE["width"] - 2 * PANEL_PX
