@@ -8,6 +8,7 @@ from viser import ViserServer
 from companion.core.frames import ned_to_enu
 from companion.core.messages import FloorPlan
 from companion.view.scene.camera import Framing
+from companion.view.scene.labels import Label, Labels
 from companion.view.scene.mapped import MappedSide
 from companion.view.scene.shapes import drone_colour
 from companion.view.snapshot import sketch_of
@@ -20,7 +21,7 @@ BETWEEN_M = 2.5
 """Distance between the true building and the map, m."""
 LABELS_M = 2.4
 """Distance of a side's label to the north of it, m."""
-NAME_SCALE = 1.8
+NAME_SCALE = 1.4
 """Size of a side's label relative to viser's default. Chosen."""
 
 
@@ -30,6 +31,7 @@ class Sides:
     def __init__(self, server: ViserServer, world: World) -> None:
         self._server = server
         self._framing = Framing(server, *world.bounds)
+        self._labels = Labels(server)
         self._true_side = TrueSide(server)
         self._maps: list[MappedSide] = []
         """The map of each drone."""
@@ -45,17 +47,18 @@ class Sides:
         self._mapped_shift_m = east - west + BETWEEN_M
         self._true_side.build(world)
         self._label_ned_m = north + LABELS_M, (west + east) / 2, 0.0
-        self._name("true", f"the building: {world.name}", 0.0)
+        self._true_name = f"building: {world.name}"
         self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
 
-    def _name(self, side: str, title: str, shift_m: float) -> None:
+    def _name(self, map_name: str) -> None:
+        """Name both sides."""
         east_m, north_m, up_m = ned_to_enu(self._label_ned_m)
-        self._server.scene.add_label(
-            f"/name of {side} side",
-            title,
-            position=(east_m + shift_m, north_m, up_m),
-            anchor="bottom-center",
-            font_screen_scale=NAME_SCALE,
+        self._labels.show(
+            "names",
+            [
+                Label(self._true_name, (east_m, north_m, up_m), NAME_SCALE),
+                Label(map_name, (east_m + self._mapped_shift_m, north_m, up_m), NAME_SCALE),
+            ],
         )
 
     def stand(self, take_offs: Sequence[TrueState]) -> None:
@@ -65,13 +68,12 @@ class Sides:
         self._true_side.stand(take_offs)
         for number in range(len(self._maps), len(take_offs)):
             name = f"/mapped {number + 1}"
-            self._maps.append(MappedSide(self._server, drone_colour(number), name))
+            self._maps.append(MappedSide(self._server, self._labels, drone_colour(number), name))
             self._maps[number].exaggerate(self._exaggeration)
         for side in self._maps:
             side.clear()
         is_team = len(take_offs) > 1
-        title = "the drones' maps" if is_team else "the drone's map"
-        self._name("mapped", title, self._mapped_shift_m)
+        self._name("maps" if is_team else "map")
         for number, take_off in enumerate(take_offs):
             self._place(number, take_off)
             self._maps[number].wall_colour = drone_colour(number) if is_team else None
