@@ -24,7 +24,8 @@ from sitl.core.errors import SitlError
 from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
-from sitl.view.controls import ADD, Controls
+from sitl.view.controls import ADD, FAST, Controls
+from sitl.view.faults import action
 from sitl.view.flight_messages import (
     Begin,
     Ended,
@@ -52,6 +53,9 @@ REMEMBERED = 1500
 SELECTED = "The instruments show it; faults and the pilot's switch are for it"
 SPEED_OVER_S = 2.0
 """Time over which the speed is measured, s."""
+KEPT = 0.9
+"""Share of the speed asked for below which the page says why. Chosen. The flight waits for nothing
+but the processor."""
 
 
 @dataclass
@@ -66,6 +70,28 @@ class Shown:
     """Moments with their wall time, s."""
     score: MapScore | None = None
     plan: FloorPlan | None = None
+    asked: float = 0.0
+    """Factor of real time that is asked for; 0 is a pause."""
+    asked_wall_s: float = 0.0
+    """Since when, wall time, s."""
+
+    def ask(self, speed: float) -> None:
+        self.asked, self.asked_wall_s = speed, time.monotonic()
+
+    def speed(self) -> str:
+        """Speed over the last seconds, in times real time, and why it is not the one asked for."""
+        if not self.asked:
+            return "paused"
+        last_wall_s, last = self.seen[-1]
+        since_s = max(self.asked_wall_s, last_wall_s - SPEED_OVER_S)
+        moments = (moment for moment in self.seen if moment[0] >= since_s)
+        first_wall_s, first = next(moments, self.seen[-1])
+        if last_wall_s - first_wall_s < SPEED_OVER_S / 4:
+            return "–"
+        flown = (last.time_s - first.time_s) / (last_wall_s - first_wall_s)
+        if self.asked == FAST or flown > KEPT * self.asked or self.plan is not None:
+            return f"{flown:.1f} × real time"
+        return f"{flown:.1f} × of {self.asked:g} ×: this machine is busy"
 
 
 class Page:
@@ -88,11 +114,12 @@ class Page:
         self._sides = Sides(server, first)
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
+        phone = server.gui.add_html("")
         self._controls = Controls(server.gui)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
             self._selector = server.gui.add_dropdown("drone", ("1",), hint=SELECTED)
-            self._instruments = Instruments(server.gui)
+            self._instruments = Instruments(server.gui, phone)
         panel.dock_right()
         panel.set_width(PANEL_PX)
         self._connect_controls()
@@ -122,12 +149,7 @@ class Page:
         controls.time.on_click(pressed(self._change_time))
         controls.speed.on_update(pressed(self._change_speed))
         controls.stop.on_click(pressed(self._stop))
-        controls.take_over.on_click(
-            pressed(lambda: self._order(controls.mode_to_take(self._selected)))
-        )
-        controls.inject.on_click(
-            pressed(lambda: self._order(controls.fault_to_inject(self._selected)))
-        )
+        controls.inject.on_click(pressed(self._inject))
         controls.hide_truth.on_update(pressed(self._hide_truth))
         controls.exaggeration.on_update(
             pressed(lambda: self._sides.exaggerate(controls.exaggeration.value))
@@ -149,11 +171,10 @@ class Page:
         self._show_numbers()
         self._plot()
 
-    def _order(self, *orders: Order) -> None:
+    def _order(self, order: Order) -> None:
         if not self._is_flying:
             raise SitlError("no flight is under way; press Start")
-        for order in orders:
-            self._hangar.order(order)
+        self._hangar.order(order)
 
     def _start(self) -> None:
         request = self._controls.request(self._world_name, self._drones)
@@ -166,24 +187,37 @@ class Page:
         receiver = self._score_receiver(self._flights)
         scoring = LiveScore(self._world, height_m, take_offs[0], receiver)
         self._shown = Shown(configs[0], take_offs, scoring)
+        self._shown.ask(self._controls.times_real_time)
         self._put(take_offs)
+
+    def _inject(self) -> None:
+        order = self._controls.to_inject(self._selected)
+        action(order.action, order.arguments)  # refused here rather than in flight
+        self._order(order)
 
     def _stop(self) -> None:
         """Land; time must pass for that."""
-        self._order(Land(), Pace(self._controls.times_real_time))
+        self._order(Land())
+        self._pace(self._controls.times_real_time)
 
     def _change_time(self) -> None:
         match self._controls.time.value:
             case "Pause":
-                self._order(Pace(0.0))
+                self._pace(0.0)
             case "Resume":
-                self._order(Pace(self._controls.times_real_time))
+                self._pace(self._controls.times_real_time)
             case _:
+                self._pace(0.0)
                 self._order(Step())
+
+    def _pace(self, speed: float) -> None:
+        self._order(Pace(speed))
+        if self._shown is not None:
+            self._shown.ask(speed)
 
     def _change_speed(self) -> None:
         if self._is_flying:
-            self._order(Pace(self._controls.times_real_time))
+            self._pace(self._controls.times_real_time)
 
     def _hide_truth(self) -> None:
         self._sides.hide_truth(hidden=self._controls.hide_truth.value)
@@ -335,7 +369,7 @@ class Page:
             return
         _, seen = shown.seen[-1]
         drone = seen.drones[self._selected]
-        known = self._sides.map_of(self._selected).in_numbers | {"speed": self._speed(shown)}
+        known = self._sides.map_of(self._selected).in_numbers | {"speed": shown.speed()}
         truth = {} if self._controls.hide_truth.value else _truth_rows(shown.score, drone)
         self._instruments.tell(drone.snapshot, known | truth)
         snapshots = [each.snapshot for each in seen.drones]
@@ -351,18 +385,6 @@ class Page:
         true_yaw_rad = [wrap_rad(seen.truth.yaw_rad - heading_rad) for seen in moments]
         snapshots = [seen.snapshot for seen in moments]
         self._instruments.plot(snapshots, None if is_hidden else true_yaw_rad)
-
-    @staticmethod
-    def _speed(shown: Shown) -> str:
-        """Speed over the last seconds, in times real time."""
-        last_wall_s, last = shown.seen[-1]
-        first_wall_s, first = next(
-            moment for moment in shown.seen if last_wall_s - moment[0] < SPEED_OVER_S
-        )
-        if last_wall_s <= first_wall_s:
-            return "–"
-        flown_s = last.time_s - first.time_s
-        return f"{flown_s / (last_wall_s - first_wall_s):.1f} × real time"
 
 
 def _truth_rows(score: MapScore | None, drone: SeenDrone) -> dict[str, str]:

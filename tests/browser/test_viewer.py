@@ -22,6 +22,7 @@ from tests.browser.browser import (
     row,
     served,
     text_field,
+    unfold,
 )
 from tests.processes.started import (
     companion,
@@ -44,7 +45,7 @@ def browser() -> Iterator[Browser]:
 @contextmanager
 def simulator(browser: Browser, *arguments: str) -> Iterator[Page]:
     with (
-        served(sitl_command("view", *arguments, "--port", "0")) as address,
+        served(sitl_command("view", *arguments, "--port", "0", "--no-browser")) as address,
         opened(browser, address) as page,
     ):
         yield page
@@ -61,6 +62,7 @@ def test_the_page_starts_and_shows_a_flight(browser: Browser, tmp_path: Path) ->
         until(lambda: coloured(page, 0.5, 1) > 500, "the map is drawn")
 
         assert number(page, "least clearance") > 0
+        unfold(page, "Display")
         page.get_by_label("hide the truth", exact=True).check()
         until(lambda: not has_row(page, "least clearance"), "no truth")
         until(lambda: coloured(page, 0, 0.45) < 50, "no true path")
@@ -107,7 +109,8 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         until(lambda: number(page, "time") > paused_s, "a step")
         assert settled(page) == pytest.approx(paused_s + 0.05, abs=0.06)
 
-        choose(page, "fault", "sensor unplugged")
+        unfold(page, "Pilot and faults")
+        choose(page, "action", "unplug")
         press(page, "Inject")
         press(page, "Resume")
         until(lambda: has_row(page, "trouble"), "a fault")
@@ -115,7 +118,8 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         press(page, "Start")
         until(lambda: number(page, "time") < paused_s, "another flight")
         until(lambda: "turning 360°" in row(page, "doing"), "in the air again")
-        press(page, "Take over")
+        choose(page, "action", "pilot mode")
+        press(page, "Inject")
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over")
 
 
@@ -130,6 +134,7 @@ def test_the_page_offers_every_setting_and_stops_a_flight_of_a_team(browser: Bro
         text_field(page, "stand-off").fill("1.2")
         fill(page, "speed, m/s", "0.8")
         fill(page, "seed", "3")
+        unfold(page, "Sensors and noise")
         expect(page.get_by_text("range, m", exact=True)).to_be_hidden()
         choose(page, "profile", "own")
         fill(page, "range, m", "4")
@@ -196,7 +201,7 @@ def test_access_requires_the_token(browser: Browser, tmp_path: Path) -> None:
     token_file = tmp_path / "token"
     token_file.write_text(TOKEN)
     token_file.chmod(0o600)
-    options = ("--host", "0.0.0.0", "--token-file", str(token_file), "--port", "0")
+    options = ("--host", "0.0.0.0", "--token-file", str(token_file), "--port", "0", "--no-browser")
     with served(sitl_command("view", *options)) as address, browser.new_page() as stranger:
         here = address.replace("0.0.0.0", "127.0.0.1")
         refused = stranger.goto(here.partition("?")[0])
@@ -216,7 +221,7 @@ def test_the_page_shows_a_flying_drone(browser: Browser, tmp_path: Path) -> None
         drone = flying(mavlink_port, bus_port, tmp_path / "out", "--config", str(config))
         try:
             until(lambda: is_listening(port), "the feed")
-            command = companion("view", f"127.0.0.1:{port}", "--port", "0")
+            command = companion("view", f"127.0.0.1:{port}", "--port", "0", "--no-browser")
             with served(command) as address, opened(browser, address) as page:
                 until(lambda: walls_m(page) > 5, "walls")
                 until(lambda: coloured(page, 0, 1) > 300, "the map is drawn")

@@ -8,6 +8,7 @@ from companion.team.teammate import Heard
 from companion.view.access.server import PageServer
 from companion.view.scene.camera import PANEL_PX, Framing
 from companion.view.scene.instruments import Instruments, Member
+from companion.view.scene.labels import Labels
 from companion.view.scene.mapped import MappedSide, extent_ne_m
 from companion.view.scene.shapes import Drone, drone_colour
 from companion.view.snapshot import Snapshot
@@ -20,14 +21,16 @@ class Screen:
         self._server = server
         self._mapped: MappedSide | None = None
         """None before the drone's number, which determines its colour, is known."""
+        self._labels = Labels(server)
         self._exaggeration = 5.0
         self._mates: dict[int, Drone] = {}
         """Teammates by number."""
+        phone = server.gui.add_html("")
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
-            self._instruments = Instruments(server.gui)
+            self._instruments = Instruments(server.gui, phone)
         panel.dock_right()
         panel.set_width(PANEL_PX)
         self._extent = extent_ne_m(Sketch())
@@ -35,7 +38,8 @@ class Screen:
 
     def show(self, snapshot: Snapshot) -> None:
         if self._mapped is None:
-            self._mapped = MappedSide(self._server, drone_colour(snapshot.drone - 1))
+            colour = drone_colour(snapshot.drone - 1)
+            self._mapped = MappedSide(self._server, self._labels, colour)
             self._mapped.exaggerate(self._exaggeration)
         with self._server.atomic():
             self._mapped.show(snapshot)
