@@ -14,7 +14,7 @@ from companion.config.team import TEAM_DRONES
 from companion.export.write import FORMATS
 from sitl.core.errors import SitlError
 from sitl.view.action_controls import MODES, ActionControls
-from sitl.view.flight_messages import Inject
+from sitl.view.flight.messages import Inject
 from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest
 from sitl.world.loading import world_names
 

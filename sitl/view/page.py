@@ -26,7 +26,7 @@ from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
 from sitl.view.controls import ADD, FAST, Controls
 from sitl.view.faults import action
-from sitl.view.flight_messages import (
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -39,9 +39,9 @@ from sitl.view.flight_messages import (
     SeenDrone,
     Step,
 )
-from sitl.view.flight_process import FlightProcess
+from sitl.view.flight.outbox import later
+from sitl.view.flight.process import FlightProcess
 from sitl.view.live_score import LiveScore
-from sitl.view.outbox import later
 from sitl.view.sides import Sides
 from sitl.world.format import World
 from sitl.world.loading import load_world

@@ -14,7 +14,7 @@ from companion.view.scene.shapes import drone_colour
 from companion.view.snapshot import sketch_of
 from sitl.core.truth import TrueState
 from sitl.view.building import TrueSide
-from sitl.view.flight_messages import SeenDrone
+from sitl.view.flight.messages import SeenDrone
 from sitl.world.format import World
 
 BETWEEN_M = 2.5

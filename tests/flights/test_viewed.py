@@ -9,7 +9,8 @@ import pytest
 
 from companion.core.errors import ConfigError
 from sitl.simulation.lockstep import fly_in_lockstep
-from sitl.view.flight_messages import (
+from sitl.view.flight.flying import serve
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -21,8 +22,7 @@ from sitl.view.flight_messages import (
     Seen,
     Step,
 )
-from sitl.view.flight_process import FlightProcess
-from sitl.view.flying import serve
+from sitl.view.flight.process import FlightProcess
 from sitl.view.request import OWN_PROFILE, FlightRequest
 from sitl.world.loading import load_world
 from tests.waiting import DEADLINE_S

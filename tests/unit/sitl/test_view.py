@@ -7,8 +7,8 @@ from companion.core.messages import Beam, Sketch
 from companion.drivers.models import range_models
 from companion.view.snapshot import Snapshot
 from sitl.core.truth import TrueState
-from sitl.view.flight_messages import Seen, SeenDrone
-from sitl.view.outbox import later
+from sitl.view.flight.messages import Seen, SeenDrone
+from sitl.view.flight.outbox import later
 from sitl.view.request import OWN_PROFILE, FlightRequest
 from sitl.world.loading import load_world
 

@@ -20,7 +20,7 @@ from sitl.simulation.team_radio import TeamAir
 from sitl.testing.actions.vehicle import ModeError
 from sitl.testing.script import Event, Play
 from sitl.view.faults import action
-from sitl.view.flight_messages import (
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -33,7 +33,7 @@ from sitl.view.flight_messages import (
     SeenDrone,
     Step,
 )
-from sitl.view.outbox import Outbox
+from sitl.view.flight.outbox import Outbox
 from sitl.world.loading import load_world
 
 SEEN_PERIOD_S = 0.05
