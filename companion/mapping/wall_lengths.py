@@ -24,6 +24,9 @@ FREE_END_M = 0.07
 """Standard deviation of a free end, m. Measured: doorways between the last hits of both jambs are
 14 cm too narrow on average (`benchmarks/mapping/doors.py`)."""
 
+TOLERANCE_SIGMAS = 2
+"""Tolerance of a length, standard deviations: 19 of 20."""
+
 
 def length_sigmas_m(walls: Sequence[WallSegment]) -> Array:
     """Standard deviation of the length of each wall, (n,), m."""

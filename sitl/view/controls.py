@@ -11,7 +11,6 @@ from viser import (
 
 from companion.config.settings import MISSION_KINDS, STANDOFFS
 from companion.config.team import TEAM_DRONES
-from companion.export.write import FORMATS
 from sitl.core.errors import SitlError
 from sitl.view.action_controls import MODES, ActionControls
 from sitl.view.flight.messages import Inject
@@ -30,7 +29,8 @@ class Controls:
     """Handles of all controls; the page connects them."""
 
     def __init__(self, gui: GuiApi) -> None:
-        with gui.add_folder("World"):
+        self.world = gui.add_folder("World")
+        with self.world:
             self.worlds = gui.add_button_group("built-in", world_names())
             self.file: GuiTextHandle = gui.add_text(
                 "file or name",
@@ -46,8 +46,6 @@ class Controls:
                 "speed", tuple(SPEEDS), initial_value=FIRST_SPEED, hint="Times real time"
             )
             self.stop = gui.add_button("Stop: land now", color="red")
-            self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", FORMATS)
-            self.download = gui.add_button("Download map", disabled=True)
         with gui.add_folder("Display", expand_by_default=False):
             self.hide_truth = gui.add_checkbox("hide the truth", False)
             self.exaggeration: GuiSliderHandle[float] = gui.add_slider(

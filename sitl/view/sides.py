@@ -6,11 +6,13 @@ from dataclasses import replace
 from viser import ViserServer
 
 from companion.core.frames import ned_to_enu
-from companion.core.messages import FloorPlan
+from companion.core.messages import FloorPlan, Pose
+from companion.export.colours import flight_colour
 from companion.view.scene.camera import Framing
 from companion.view.scene.labels import Label, Labels
 from companion.view.scene.mapped import MappedSide
-from companion.view.scene.shapes import drone_colour
+from companion.view.scene.plan import Line, Placed, PlanView
+from companion.view.scene.shapes import SHOWN_HEIGHT_M, drone_colour
 from companion.view.snapshot import sketch_of
 from sitl.core.truth import TrueState
 from sitl.view.building import TrueSide
@@ -39,6 +41,8 @@ class Sides:
         """The drone whose map is that of all; None before the end of the flight."""
         self._take_offs: Sequence[TrueState] = ()
         self._exaggeration = 5.0
+        self._true_walls: Sequence[Line] = ()
+        self._is_truth_hidden = False
 
     def build(self, world: World) -> None:
         """Show another building, without drones."""
@@ -46,6 +50,10 @@ class Sides:
         _, west = least
         self._mapped_shift_m = east - west + BETWEEN_M
         self._true_side.build(world)
+        panels = [panel for panel in world.panels if panel.bottom_m < SHOWN_HEIGHT_M]
+        boxes = [box for box in world.boxes if box.bottom_m < SHOWN_HEIGHT_M]
+        self._true_walls = [(panel.start, panel.end) for panel in panels]
+        self._true_walls += [segment for box in boxes for segment in box.segments]
         self._label_ned_m = north + LABELS_M, (west + east) / 2, 0.0
         self._true_name = f"building: {world.name}"
         self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
@@ -112,7 +120,21 @@ class Sides:
         for side in self._maps:
             side.exaggerate(times)
 
+    def draw_plan(self, plan: PlanView, drone: int, pose: Pose | None) -> None:
+        """Draw the map of a drone, from 0, over the building; `pose`: of the drone in its map."""
+        number = drone if self._joint is None else self._joint
+        origin = self._take_offs[number]
+        north_m, east_m, _ = origin.position_ned_m
+        plan.show(
+            self._maps[number].sketch,
+            pose if number == drone else None,
+            flight_colour(drone),
+            Placed((north_m, east_m), origin.yaw_rad),
+            () if self._is_truth_hidden else self._true_walls,
+        )
+
     def hide_truth(self, *, hidden: bool) -> None:
+        self._is_truth_hidden = hidden
         self._true_side.hide(hidden=hidden)
 
     def all_in_view(self) -> None:

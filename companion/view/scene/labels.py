@@ -103,8 +103,15 @@ def free(labels: Sequence[Label], view: View) -> Mask:
     left, top, right, bottom = boxes_px.T
     fits = (left >= 0) & (top >= 0) & (right <= view.width_px) & (bottom <= view.height_px)
     is_free = np.zeros(len(labels), dtype=bool)
-    for number in np.flatnonzero(fits):
-        its, others = boxes_px[number], boxes_px[is_free]
+    is_free[fits] = unobstructed(boxes_px[fits])
+    return is_free
+
+
+def unobstructed(boxes_px: Array) -> Mask:
+    """(n,): True for each box (n, 4) that lies on none of the True ones before it."""
+    is_free = np.zeros(len(boxes_px), dtype=bool)
+    for number, its in enumerate(boxes_px):
+        others = boxes_px[is_free]
         overlaps = (its[:2] < others[:, 2:]) & (others[:, :2] < its[2:])
         is_free[number] = not overlaps.all(axis=1).any()
     return is_free

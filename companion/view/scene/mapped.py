@@ -9,7 +9,7 @@ from viser import PointCloudHandle, ViserServer
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, frd_to_ned, ned_to_enu
 from companion.core.messages import Sketch, WallSegment
-from companion.mapping.wall_lengths import length_sigmas_m
+from companion.mapping.wall_lengths import TOLERANCE_SIGMAS, length_sigmas_m
 from companion.view.scene.labels import Label, Labels
 from companion.view.scene.shapes import (
     MIN_THICKNESS_M,
@@ -40,8 +40,6 @@ LABEL_SCALE = 1.2
 """Size of labels relative to viser's default. Chosen."""
 LABEL_UP_M = 0.1
 """Height of a label above its wall, m. Chosen."""
-TOLERANCE_SIGMAS = 2
-"""Tolerance of a labelled length, standard deviations: 19 of 20."""
 LABEL_PERIOD_S = 2.0
 """Wall-clock time between updates of labels, s. Chosen: text loads a browser heavily."""
 POINT_COLOUR = (84, 98, 111)
@@ -110,6 +108,11 @@ class MappedSide:
         if snapshot.sketch is not None:
             self._path.show(snapshot.sketch.path_ned_m)
         self._path.extend(here)
+
+    @property
+    def sketch(self) -> Sketch:
+        """The map shown."""
+        return self._sketch
 
     @property
     def walls(self) -> tuple[WallSegment, ...]:
