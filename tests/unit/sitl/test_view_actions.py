@@ -25,7 +25,7 @@ def test_each_action_is_offered_and_its_first_arguments_are_valid(
     controls = ActionControls(server.gui, lambda: autopilot)
     assert {name.replace(" ", "_") for name in controls.action.options} == set(ACTIONS)
     for name in ACTIONS:
-        controls.action.value = name.replace("_", " ")
+        controls.action.value = name.replace("_", " ")  # type: ignore[misc]
         controls.offer()
         assert controls.name == name
         assert action(name, controls.arguments)
