@@ -1,5 +1,6 @@
 """Builds the controls of an action from its parameters."""
 
+import html
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -50,6 +51,7 @@ UNITS = {
     "_s": ", s",
 }
 """Units at the end of the names of parameters."""
+SUMMARY = '<div style="font-size:.8em;margin:0 1em .6em;opacity:.8">{}</div>'
 PERMANENT = "0: permanent"
 
 
@@ -100,9 +102,8 @@ class ActionControls:
         """Show the controls of the selected action."""
         for field in self._fields.values():
             field.handle.remove()
-        self._summary.content = (
-            f'<div style="font-size:.8em;margin:0 1em .6em;opacity:.8">{summary(self.name)}</div>'
-        )
+        text = html.escape(summary(self.name).replace("`", ""))
+        self._summary.content = SUMMARY.format(text)
         with self._place:
             self._fields = {
                 name: self._field(parameter) for name, parameter in parameters(self.name).items()
@@ -140,6 +141,8 @@ class ActionControls:
 
 def _label(name: str) -> str:
     """Name of a parameter for people, with its unit."""
+    if name == "name":
+        return "mode"
     for suffix, unit in UNITS.items():
         if name.endswith(suffix):
             return f"{name.removesuffix(suffix)}{unit}".replace("_", " ")
