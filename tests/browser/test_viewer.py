@@ -58,7 +58,7 @@ def test_the_page_starts_and_shows_a_flight(browser: Browser, tmp_path: Path) ->
     with simulator(browser, "office") as page:
         expect(page).to_have_title("PDPS simulator")
         press(page, "room_100")
-        looked_at(page, "before", tmp_path, "Start", "Mission")
+        looked_at(page, "before", tmp_path, "Start", "World")
         choose(page, "speed", "10 ×")
         press(page, "Start")
         until(lambda: walls_m(page) > 1, "the first wall")
