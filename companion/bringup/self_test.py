@@ -4,26 +4,33 @@ Nothing flies and nothing is armed. Each part is opened alone, so a missing part
 others.
 """
 
-import enum
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
+from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.link_test import dropped_messages, slow_streams
 from companion.config.range_sensors import TfminiSensor
 from companion.config.settings import Config
 from companion.core.errors import SensorError
-from companion.core.messages import Beam, GyroSample, RangeReading, RangeState, VehicleState
-from companion.core.values import value
+from companion.core.messages import (
+    Beam,
+    Command,
+    GyroSample,
+    RangeReading,
+    RangeState,
+    Setpoint,
+    VehicleState,
+)
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import model_of, range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
-from companion.link.link import Link, Listener
+from companion.link.link import Link, Listener, Telemetry
 from companion.link.link_budget import budget_error
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import Message, Transport
@@ -48,24 +55,6 @@ REQUEST_PERIOD_S = 1.0
 """Interval of the parameter requests, s. Chosen."""
 
 
-class CheckResult(enum.Enum):
-    """Verdict on one part."""
-
-    GOOD = "good"
-    WAIT = "wait"
-    BAD = "bad"
-
-
-@value
-class Finding:
-    """Result of the check of one part, and its remedy."""
-
-    part: str
-    verdict: CheckResult
-    seen: str
-    remedy: str = ""
-
-
 class Parameters:
     """Stores the autopilot's parameters; a `Listener`."""
 
@@ -79,24 +68,38 @@ class Parameters:
 
 
 class Examination:
-    """Checks all parts of one drone; `step` is called at every tick."""
+    """Checks all parts of one drone; `step` is called at every tick.
 
-    def __init__(self, config: Config, transport: Transport, wires: Wires) -> None:
+    `needs_pilot`: the autopilot is ready only while a pilot could take the drone over. `listeners`
+    also receive the autopilot's messages.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        transport: Transport,
+        wires: Wires,
+        *,
+        needs_pilot: bool = False,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
         self._config = config
         self._transport = transport
         self._wires = MonitoredWires(wires)
         self._errors: dict[str, str] = {}
         self._parameters = Parameters()
         self._sensors = dict(self._open_ranges())
-        listeners: list[Listener] = [self._parameters]
-        listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
+        all_listeners: list[Listener] = [*listeners, self._parameters]
+        all_listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
         try:
             gyro = open_gyro(wires, config.sensors)
             self._gyro = calibrated(gyro, config.sensors)
-            listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
+            all_listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
         except SensorError as error:
             self._errors["gyro"] = str(error)
-        self._link = Link(transport, config.link, listeners)
+        self.link = Link(transport, config.link, all_listeners, needs_pilot=needs_pilot)
+        self.telemetry = Telemetry(VehicleState())
+        """What the autopilot has sent since the step before."""
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
         self._requested_s = -math.inf
         self._overload = budget_error(config)
@@ -112,12 +115,26 @@ class Examination:
 
     def step(self, now_s: float) -> list[Finding]:
         """Present findings of all parts."""
-        telemetry = self._link.poll(now_s)
-        self._link.send(now_s, None, None)
-        findings = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
-        findings.append(self._of_gyro(now_s))
-        findings += self._of_traffic()
-        vehicle = telemetry.vehicle
+        self.listen(now_s)
+        return self.examine(now_s)
+
+    def listen(self, now_s: float) -> VehicleState:
+        """Take what the autopilot has sent."""
+        self.telemetry = self.link.poll(now_s)
+        return self.telemetry.vehicle
+
+    def sweep(self, now_s: float) -> list[Finding]:
+        """Read all sensors once."""
+        beams = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
+        return [*beams, self._of_gyro(now_s)]
+
+    def examine(
+        self, now_s: float, setpoint: Setpoint | None = None, command: Command | None = None
+    ) -> list[Finding]:
+        """Present findings of all parts; setpoint and command go to the autopilot."""
+        self.link.send(now_s, setpoint, command)
+        findings = [*self.sweep(now_s), *self._of_traffic()]
+        vehicle = self.telemetry.vehicle
         if not vehicle.connected:
             return [*findings, self._of_silent_link(vehicle.unfit)]
         link = f"{vehicle.mode}, {'armed' if vehicle.armed else 'disarmed'}"
@@ -127,7 +144,10 @@ class Examination:
         remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
         if vehicle.waits_for:
             verdict = CheckResult.BAD if "send_pose" in vehicle.waits_for else CheckResult.WAIT
-            findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
+            seen = vehicle.waits_for
+            if "preflight." in seen:  # a text with its own remedy
+                seen, _, remedy = seen.partition(": ")
+            findings.append(Finding("autopilot", verdict, seen, remedy))
         else:
             findings.append(Finding("autopilot", CheckResult.GOOD, "estimate ready"))
         self._request_parameters(now_s)
@@ -217,7 +237,7 @@ class Examination:
             yield Finding("baud rate", CheckResult.BAD, "too low", self._overload)
         if symptom := dropped_messages(self._transport):
             yield Finding("sending", CheckResult.BAD, *symptom)
-        if symptom := slow_streams(self._link.streams):
+        if symptom := slow_streams(self.link.streams):
             yield Finding("streams", CheckResult.BAD, *symptom)
 
     def _request_parameters(self, now_s: float) -> None:

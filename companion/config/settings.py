@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from companion.config.preflight import PreflightConfig
 from companion.config.range_places import check_places
 from companion.config.range_sensors import (
     AdcChannel,
@@ -144,6 +145,11 @@ class SensorsConfig(Group):
     rest_s: float = Field(3.0, ge=1, le=60)
     """Time at rest before arming over which the gyro's bias is averaged."""
 
+    @property
+    def is_simulated(self) -> bool:
+        """True on the simulator's bus, where no real drone flies."""
+        return self.bus.startswith("sitl://")
+
     @cached_property
     def beams(self) -> dict[Beam, RangeSensor]:
         """The sensor of each beam."""
@@ -219,6 +225,7 @@ class Config(Group):
     link: LinkConfig = LinkConfig()
     sensors: SensorsConfig = SensorsConfig()
     mission: MissionConfig = MissionConfig()
+    preflight: PreflightConfig = PreflightConfig()
     recording: RecordingConfig = RecordingConfig()
     view: ViewConfig = ViewConfig()
     team: TeamConfig = TeamConfig()

@@ -73,6 +73,11 @@ class Firmware(Protocol):
     """
     pose_needs: ClassVar[Mapping[str, int]]
     """Parameter values required to use our pose together with the autopilot's own velocity."""
+    holding_modes: ClassVar[tuple[str, ...]]
+    """Modes in which the drone holds its height when the pilot takes it over at mid-stick."""
+    lands_on_setpoint_loss: ClassVar[bool]
+    """After the setpoint timeout it changes to LAND; otherwise it brakes, which only shows in
+    flight."""
 
     def mode_name(self, custom_mode: int) -> str: ...
 
@@ -122,6 +127,8 @@ class ArduPilot:
     pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
         {"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 5, "EK3_SRC1_YAW": 6}
     )
+    holding_modes: ClassVar[tuple[str, ...]] = ("LOITER", "POSHOLD", "ALT_HOLD")
+    lands_on_setpoint_loss: ClassVar[bool] = False
 
     GUIDED, LAND = 4, 9
     """HEARTBEAT.custom_mode of the two modes."""
@@ -196,6 +203,8 @@ class Px4:
     pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
         {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
     )
+    holding_modes: ClassVar[tuple[str, ...]] = ("POSCTL", "ALTCTL", "HOLD")
+    lands_on_setpoint_loss: ClassVar[bool] = True
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
     """Main modes OFFBOARD and AUTO, and the sub mode LAND of AUTO."""

@@ -45,12 +45,13 @@ def connect(
     out: str | Path | None = None,
     settings: Mapping[str, object] | None = None,
     tell: Callable[[str], None] = print,
+    skip_rehearsal: bool = False,
 ) -> "Drone":
     """Create a drone, to be used as a context manager.
 
     `config` is the companion's TOML file. `link`, `bus` and `settings`, such as
     {"mission.height_m": 1.0}, override it. `out` is a folder for recording and map. `tell` receives
-    warnings.
+    warnings. A real drone needs a rehearsal by `companion fly --rehearse`, unless `skip_rehearsal`.
 
     Raises:
         ConfigError: the configuration is invalid; one line that names the key and the remedy.
@@ -58,7 +59,7 @@ def connect(
     given = {"link.url": link, "sensors.bus": bus, **(settings or {})}
     overrides = {key: value for key, value in given.items() if value is not None}
     loaded = configuration.load(Path(config) if config else None, overrides)
-    return Drone(loaded, Path(out) if out else None, tell)
+    return Drone(loaded, Path(out) if out else None, tell, skip_rehearsal=skip_rehearsal)
 
 
 class Drone:
@@ -68,8 +69,16 @@ class Drone:
     limit; its text is that of `companion fly`.
     """
 
-    def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        out: Path | None,
+        tell: Callable[[str], None],
+        *,
+        skip_rehearsal: bool = False,
+    ) -> None:
         self._config = config
+        self._skip_rehearsal = skip_rehearsal
         self._out = out
         self._tell = tell
         self._app = App(config, instance=new_instance())
@@ -204,7 +213,10 @@ class Drone:
             self._ticked.notify_all()
 
     def _fly_recorded(self) -> None:
-        with open_rig(self._config, self._out, self._tell) as (rig, recorder):
+        with open_rig(self._config, self._out, self._tell, skip_rehearsal=self._skip_rehearsal) as (
+            rig,
+            recorder,
+        ):
 
             def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
                 recorder.tick(now_s, inputs, outputs)

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from companion.bringup.capture import readings_of, rest_bias_rad_s, turn_rad
+from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.hand_test import changed_beam, verdict
-from companion.bringup.self_test import CheckResult, Examination, Finding
+from companion.bringup.self_test import Examination
 from companion.config.settings import Config
 from companion.core.messages import Beam, RangeReading, RangeState
 from companion.link.transports.serial_transport import SerialTransport
