@@ -67,7 +67,7 @@ put_files() {
     install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
     install -m 644 "$here/pdps-companion.service" "$here/pdps-recover.service" \
         "$root/etc/systemd/system/"
-    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here"/../docs/*.md \
+    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here/mounting.svg" "$here"/../docs/*.md \
         "$root/opt/pdps/docs/"
 }
 

@@ -6,13 +6,13 @@ others.
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
-
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from collections.abc import Iterator, Mapping, Sequence
 
 from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
+from companion.bringup.failsafes import needed_parameters, transmitter_loss
 from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.link_test import dropped_messages, slow_streams
+from companion.bringup.parameters import AskedParameters
 from companion.config.range_sensors import TfminiSensor
 from companion.config.settings import Config
 from companion.core.errors import SensorError
@@ -30,10 +30,11 @@ from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import model_of, range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
+from companion.link.firmware import ArduPilot
 from companion.link.link import Link, Listener, Telemetry
 from companion.link.link_budget import budget_error
 from companion.link.transports.serial_transport import SerialTransport
-from companion.link.transports.transport import Message, Transport
+from companion.link.transports.transport import Transport
 from companion.navigation.standoff import standoff_m
 from companion.safety.preflight import refusal
 
@@ -49,22 +50,8 @@ AVOID_PROXIMITY_BIT = 2
 """Bit of AVOID_ENABLE (ArduPilot) that enables avoidance by proximity sensors."""
 MIN_AVOID_MARGIN_M = 1.0
 """Recommended AVOID_MARGIN, m. Chosen."""
-REQUESTED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
-"""ArduPilot parameters that the check reads."""
-REQUEST_PERIOD_S = 1.0
-"""Interval of the parameter requests, s. Chosen."""
-
-
-class Parameters:
-    """Stores the autopilot's parameters; a `Listener`."""
-
-    streams_hz = {mavlink.MAVLINK_MSG_ID_PARAM_VALUE: 0.0}  # noqa: RUF012 - never changed
-
-    def __init__(self) -> None:
-        self.values: dict[str, float] = {}
-
-    def receive(self, message: Message, now_s: float) -> None:
-        self.values[message.param_id] = message.param_value
+AVOIDANCE = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
+"""ArduPilot's parameters of its avoidance."""
 
 
 class Examination:
@@ -87,7 +74,8 @@ class Examination:
         self._transport = transport
         self._wires = MonitoredWires(wires)
         self._errors: dict[str, str] = {}
-        self._parameters = Parameters()
+        self._parameters = AskedParameters(config.link.system_id)
+        self._needs_pilot = needs_pilot
         self._sensors = dict(self._open_ranges())
         all_listeners: list[Listener] = [*listeners, self._parameters]
         all_listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
@@ -101,7 +89,6 @@ class Examination:
         self.telemetry = Telemetry(VehicleState())
         """What the autopilot has sent since the step before."""
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
-        self._requested_s = -math.inf
         self._overload = budget_error(config)
         self.readings: dict[Beam, RangeReading] = {}
 
@@ -150,8 +137,7 @@ class Examination:
             findings.append(Finding("autopilot", verdict, seen, remedy))
         else:
             findings.append(Finding("autopilot", CheckResult.GOOD, "estimate ready"))
-        self._request_parameters(now_s)
-        return [*findings, *self._of_avoidance()]
+        return [*findings, *self._of_parameters(now_s)]
 
     def _of_beam(self, beam: Beam, now_s: float) -> Finding:
         if beam.value in self._errors:
@@ -240,22 +226,22 @@ class Examination:
         if symptom := slow_streams(self.link.streams):
             yield Finding("streams", CheckResult.BAD, *symptom)
 
-    def _request_parameters(self, now_s: float) -> None:
-        if now_s - self._requested_s < REQUEST_PERIOD_S:
+    def _of_parameters(self, now_s: float) -> Iterator[Finding]:
+        """Findings on the autopilot's own safety functions, once their parameters are known."""
+        firmware = self.link.firmware
+        if firmware is None:
             return
-        self._requested_s = now_s
-        target = self._config.link.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1
-        for name in REQUESTED:
-            if name not in self._parameters.values:
-                self._transport.send(
-                    mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
-                )
+        names = [*AVOIDANCE] if isinstance(firmware, ArduPilot) else []
+        names += needed_parameters(firmware) if self._needs_pilot else ()
+        self.link.transmit(self._parameters.requests(now_s, names))
+        values = self._parameters.values(firmware)
+        if self._needs_pilot and (loss := transmitter_loss(firmware, values)):
+            yield loss
+        if all(name in values for name in AVOIDANCE):
+            yield from self._of_avoidance(values)
 
-    def _of_avoidance(self) -> Iterator[Finding]:
+    def _of_avoidance(self, parameters: Mapping[str, float]) -> Iterator[Finding]:
         """ArduPilot's avoidance also limits the velocities that we command."""
-        parameters = self._parameters.values
-        if not all(name in parameters for name in REQUESTED):
-            return
         margin_m = parameters["AVOID_MARGIN"]
         seen = f"AVOID_MARGIN {margin_m:g} m"
         if not int(parameters["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not parameters["PRX1_TYPE"]:

@@ -16,6 +16,7 @@ from sitl.core.radio import LinkErrors
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import Action, battery, other_rates, pilot_arms, refuse_arming, unplug
 from sitl.world.loading import load_world
+from tests.deployed import loaded
 
 STABILIZE, ALT_HOLD, GUIDED, LOITER = 0, 2, 4, 5
 POSCTL, ALTCTL = 3 << 16, 2 << 16
@@ -27,7 +28,7 @@ Act = Callable[["Rehearsed"], None]
 
 
 class Rehearsed:
-    """A rehearsal with a simulated drone and its pilot.
+    """A rehearsal with a simulated drone, which has the parameters of deploy/, and its pilot.
 
     The pilot follows the prompts. `acts` happen when their stage begins.
     """
@@ -38,9 +39,11 @@ class Rehearsed:
         acts: Mapping[Stage, Act] | None = None,
         *,
         transmitter: bool = True,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         config = Config()
-        setup = Setup(WORLD, "room_100", 1, config.sensors, autopilot)
+        values = {**loaded(autopilot), **(parameters or {})}
+        setup = Setup(WORLD, "room_100", 1, config.sensors, autopilot, parameters=values)
         sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         self.autopilot = self.simulation.autopilot
@@ -164,6 +167,32 @@ def test_each_fault_fails_its_own_line_and_has_a_remedy(
     assert line.remedy
     assert not drone.rehearsal.has_passed
     assert drone.simulation.record.air_time_s == 0
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "parameters", "words"),
+    [
+        ("px4", {"COM_RCL_EXCEPT": 4.0}, ("ignored in flight", "COM_RCL_EXCEPT = 4")),
+        ("px4", {"COM_RC_IN_MODE": 4.0}, ("ignored in flight", "COM_RC_IN_MODE")),
+        ("px4", {"NAV_RCL_ACT": 2.0, "RTL_RETURN_ALT": 60.0}, ("climbs to 60 m", "NAV_RCL_ACT")),
+        ("px4", {"NAV_RCL_ACT": 6.0}, ("falls", "NAV_RCL_ACT")),
+        ("ardupilot", {"FS_THR_ENABLE": 0.0}, ("ignored in flight", "FS_THR_ENABLE")),
+        ("ardupilot", {"FS_OPTIONS": 4.0}, ("ignored in flight", "FS_OPTIONS")),
+        ("ardupilot", {"FS_THR_ENABLE": 1.0, "RTL_ALT": 1500.0}, ("climbs to 15 m", "ENABLE")),
+    ],
+)
+def test_a_drone_that_would_not_land_without_its_transmitter_fails(
+    autopilot: str,
+    parameters: Mapping[str, float],
+    words: tuple[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rehearsal, "PARTS_TIMEOUT_S", 3.0)
+    line = Rehearsed(autopilot, parameters=parameters).run()["transmitter loss"]
+    assert line.verdict is CheckResult.BAD
+    assert words[0] in line.seen
+    assert words[1] in line.seen + line.remedy
+    assert "deploy/" in line.remedy
 
 
 def test_without_a_transmitter_nothing_is_armed() -> None:

@@ -19,6 +19,7 @@ from sitl.autopilot.firmware import Throttle
 from sitl.simulation.lockstep import LockstepClock
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
+from tests.deployed import loaded
 
 ALT_HOLD, LOITER = 2, 5
 
@@ -26,7 +27,8 @@ ALT_HOLD, LOITER = 2, 5
 def simulated(tmp_path: Path) -> tuple[Config, Simulation, Opened]:
     pass_file = {"rehearsal_file": str(tmp_path / "state" / "rehearsal.json")}
     config = Config.model_validate({"preflight": pass_file})
-    setup = Setup(load_world("room_100"), "room_100", 1, config.sensors)
+    world, parameters = load_world("room_100"), loaded("ardupilot")
+    setup = Setup(world, "room_100", 1, config.sensors, parameters=parameters)
     sitl_end, companion_end = direct_pair(setup.system_id)
     simulation = Simulation(setup, [sitl_end])
     simulation.autopilot.switch_transmitter(on=True)
