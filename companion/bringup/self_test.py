@@ -48,6 +48,8 @@ LARGE_BIAS_RAD_S = math.radians(30.0)
 """A larger bias is a fault, rad/s. Chosen."""
 AVOID_PROXIMITY_BIT = 2
 """Bit of AVOID_ENABLE (ArduPilot) that enables avoidance by proximity sensors."""
+NOT_THE_PINS = ("/dev/serial0", "/dev/ttyAMA10")
+"""Names of the debug connector of a Raspberry Pi 5, whose pins 8 and 10 are /dev/ttyAMA0."""
 MIN_AVOID_MARGIN_M = 1.0
 """Recommended AVOID_MARGIN, m. Chosen."""
 AVOIDANCE = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
@@ -208,6 +210,8 @@ class Examination:
                 f"no bytes received at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
                 "and disable the login shell on the port"
             )
+            if url.split(":")[1] in NOT_THE_PINS:
+                remedy += "; on a Raspberry Pi 5 this is the debug connector: use /dev/ttyAMA0"
             return Finding("link", CheckResult.BAD, "silent", remedy)
         remedy = (
             f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "

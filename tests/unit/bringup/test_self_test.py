@@ -225,6 +225,20 @@ def test_a_silent_port_and_a_wrong_baud_rate_have_different_remedies(
     assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
 
 
+@pytest.mark.parametrize(
+    ("port", "told"), [("serial0", True), ("ttyAMA10", True), ("ttyAMA0", False)]
+)
+def test_a_silent_debug_connector_of_a_raspberry_pi_5_is_told(
+    monkeypatch: pytest.MonkeyPatch, port: str, told: bool
+) -> None:
+    monkeypatch.setattr(SerialTransport, "_open", lambda self: Port(b""))
+    config = Config.model_validate({"link": {"url": f"serial:/dev/{port}:921600"}})
+    bench = make_bench("gp2y0a710k0f")
+    examination = Examination(config, SerialTransport(config.link.url, 1, 191), bench.bus)
+    findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
+    assert ("debug connector: use /dev/ttyAMA0" in findings["link"].remedy) == told
+
+
 def test_a_port_that_accepts_no_bytes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     class Stuck(Port):
         def write(self, data: bytes) -> int:
