@@ -9,7 +9,12 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 
 from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
-from companion.bringup.failsafes import needed_parameters, transmitter_loss
+from companion.bringup.failsafes import (
+    fence_of,
+    fence_parameters,
+    needed_parameters,
+    transmitter_loss,
+)
 from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.link_test import dropped_messages, slow_streams
 from companion.bringup.parameters import AskedParameters
@@ -36,6 +41,7 @@ from companion.link.link_budget import budget_error
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import Transport
 from companion.navigation.standoff import standoff_m
+from companion.run.hardware import fence_to_set
 from companion.safety.preflight import refusal
 
 GYRO_WINDOW = 60
@@ -87,7 +93,10 @@ class Examination:
             all_listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
         except SensorError as error:
             self._errors["gyro"] = str(error)
-        self.link = Link(transport, config.link, all_listeners, needs_pilot=needs_pilot)
+        fence = fence_to_set(config)
+        self.link = Link(
+            transport, config.link, all_listeners, needs_pilot=needs_pilot, fence=fence
+        )
         self.telemetry = Telemetry(VehicleState())
         """What the autopilot has sent since the step before."""
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
@@ -237,10 +246,15 @@ class Examination:
             return
         names = [*AVOIDANCE] if isinstance(firmware, ArduPilot) else []
         names += needed_parameters(firmware) if self._needs_pilot else ()
+        plan = self._config.mission
+        if plan.max_height_m is not None or plan.max_distance_m is not None:
+            names += fence_parameters(firmware)
         self.link.transmit(self._parameters.requests(now_s, names))
         values = self._parameters.values(firmware)
         if self._needs_pilot and (loss := transmitter_loss(firmware, values)):
             yield loss
+        if fence := fence_of(firmware, values, plan):
+            yield fence
         if all(name in values for name in AVOIDANCE):
             yield from self._of_avoidance(values)
 

@@ -35,6 +35,19 @@ def _bytewise_int(name: str, value: int) -> Parameter:
     return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
 
 
+FENCE_OUTSIDE_M = 1.0
+"""Distance of the autopilot's fence beyond the companion's limits, m: the least FENCE_MARGIN, by
+which ArduPilot's avoidance stops before its fence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """Limits of a flight from the take-off place, m; None: no limit."""
+
+    height_m: float | None
+    distance_m: float | None
+
+
 MULTICOPTERS = frozenset(
     {
         mavlink.MAV_TYPE_TRICOPTER,
@@ -93,6 +106,10 @@ class Firmware(Protocol):
         """Required parameters for the setpoint timeout and the action after it."""
         ...
 
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        """Parameters of a fence `FENCE_OUTSIDE_M` beyond the limits, at which the drone lands."""
+        ...
+
     def parameter_value(self, message: Any) -> float:
         """Decoded value of a PARAM_VALUE (22)."""
         ...
@@ -132,6 +149,8 @@ class ArduPilot:
 
     GUIDED, LAND = 4, 9
     """HEARTBEAT.custom_mode of the two modes."""
+    FENCE_HEIGHT, FENCE_CIRCLE, FENCE_LANDS = 1, 2, 2
+    """Bits of FENCE_TYPE, and the value of FENCE_ACTION that always lands."""
     POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
     """One of the flags is sufficient: with optical flow alone, the position is only relative."""
 
@@ -154,6 +173,20 @@ class ArduPilot:
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         return (_real("GUID_TIMEOUT", setpoint_loss_s),)
+
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        parameters = [
+            _real("FENCE_MARGIN", FENCE_OUTSIDE_M),
+            _real("FENCE_ACTION", self.FENCE_LANDS),
+        ]
+        types = 0
+        if fence.height_m is not None:
+            types |= self.FENCE_HEIGHT
+            parameters.append(_real("FENCE_ALT_MAX", fence.height_m + FENCE_OUTSIDE_M))
+        if fence.distance_m is not None:
+            types |= self.FENCE_CIRCLE
+            parameters.append(_real("FENCE_RADIUS", fence.distance_m + FENCE_OUTSIDE_M))
+        return (*parameters, _real("FENCE_TYPE", types), _real("FENCE_ENABLE", 1))
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -208,6 +241,8 @@ class Px4:
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
     """Main modes OFFBOARD and AUTO, and the sub mode LAND of AUTO."""
+    FENCE_LANDS = 5
+    """Value of GF_ACTION that lands."""
 
     def mode_name(self, custom_mode: int) -> str:
         return PX4_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -235,6 +270,11 @@ class Px4:
             _real("COM_OF_LOSS_T", setpoint_loss_s),
             _bytewise_int("COM_OBL_RC_ACT", PX4_LAND_ON_SETPOINT_LOSS),
         )
+
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        limits = (("GF_MAX_VER_DIST", fence.height_m), ("GF_MAX_HOR_DIST", fence.distance_m))
+        parameters = [_real(n, limit + FENCE_OUTSIDE_M) for n, limit in limits if limit is not None]
+        return (*parameters, _bytewise_int("GF_ACTION", self.FENCE_LANDS))
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
-from companion.link.firmware import Firmware, Parameter, firmware_of
+from companion.link.firmware import Fence, Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.origin import Origin
@@ -63,7 +63,8 @@ class Listener(Protocol):
 class Link:
     """Connection to one vehicle; time is an argument throughout.
 
-    With `needs_pilot` the vehicle is not ready before a pilot could take it over.
+    With `needs_pilot` the vehicle is not ready before a pilot could take it over, and with `fence`
+    not before it has confirmed this fence, which is written to its parameters.
     """
 
     def __init__(
@@ -73,7 +74,9 @@ class Link:
         listeners: Sequence[Listener] = (),
         *,
         needs_pilot: bool = False,
+        fence: Fence | None = None,
     ) -> None:
+        self._fence = fence
         self._listeners = listeners
         self._pilot = Pilot() if needs_pilot else None
         self._transport = transport
@@ -191,6 +194,8 @@ class Link:
         firmware = firmware_of(heartbeat.autopilot, heartbeat.type)
         if firmware is not None:
             self._safety = firmware.safety_parameters(self._setpoint_loss_s)
+            if self._fence is not None:
+                self._safety += firmware.fence_parameters(self._fence)
             pose_needs = firmware.pose_needs if self._pose_report is not None else {}
             self._read.want([*firmware.texts_need, *pose_needs])
             rates_hz = {

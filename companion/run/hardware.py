@@ -13,6 +13,7 @@ from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
 from companion.drivers.wires.opening import open_bus
 from companion.earlier import EarlierFlights
+from companion.link.firmware import Fence
 from companion.link.link import Link, Listener
 from companion.link.link_budget import require_capacity
 from companion.link.reports import Reports
@@ -51,10 +52,18 @@ def make_rig(
         listeners.append(ranges.from_autopilot)
     if isinstance(gyro, AutopilotGyro):
         listeners.append(gyro)
-    link = Link(transport, config.link, listeners, needs_pilot=needs_pilot)
+    fence = fence_to_set(config)
+    link = Link(transport, config.link, listeners, needs_pilot=needs_pilot, fence=fence)
     reports = Reports(config.link, range_models(config.sensors))
     sensors = ranges, calibrated(gyro, config.sensors)
     return Rig(link, *sensors, clock, reports, radio or NoRadio())
+
+
+def fence_to_set(config: Config) -> Fence | None:
+    """The fence that the autopilot gets; None if it keeps its own."""
+    limits = Fence(config.mission.max_height_m, config.mission.max_distance_m)
+    is_limited = limits.height_m is not None or limits.distance_m is not None
+    return limits if config.link.set_fence and is_limited else None
 
 
 @contextmanager

@@ -33,6 +33,7 @@ class Drone:
         parameters: dict[str, float] | None = None,
         *,
         send_pose: bool = False,
+        mission: dict[str, Any] | None = None,
         **sensor_settings: Any,
     ) -> None:
         defaults = Config()
@@ -41,7 +42,8 @@ class Drone:
         sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         link = {"send_pose": send_pose}
-        config = Config.model_validate({"sensors": sensor_settings, "link": link})
+        groups = {"sensors": sensor_settings, "link": link, "mission": mission or {}}
+        config = Config.model_validate(groups)
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
 
     def examined(self, seconds: float = 6.0) -> dict[str, Finding]:
@@ -190,6 +192,29 @@ def test_an_avoidance_margin_larger_than_the_standoff_is_reported(
     avoidance = Drone(parameters).examined()["avoidance"]
     assert (avoidance.verdict is CheckResult.GOOD) == good
     assert good or "AVOID_MARGIN to 1" in avoidance.remedy
+
+
+FENCE = {"FENCE_ENABLE": 1, "FENCE_TYPE": 3, "FENCE_MARGIN": 1, "FENCE_ACTION": 2}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "good", "words"),
+    [
+        ({}, True, "only the companion's"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 9}, True, "max_height_m 2.5 m"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.0, "FENCE_RADIUS": 9}, False, "stops at 2 m"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 4}, False, "mission.max_distance_m = 8"),
+        ({**FENCE, "FENCE_ALT_MAX": 9, "FENCE_RADIUS": 9, "FENCE_ACTION": 1}, False, "climbs"),
+    ],
+)
+def test_the_fence_of_the_autopilot_is_compared_with_the_limits_of_the_mission(
+    parameters: dict[str, float], good: bool, words: str
+) -> None:
+    """ArduPilot's avoidance stops the drone FENCE_MARGIN before its fence."""
+    fence = Drone(parameters, mission={"max_height_m": 2.5, "max_distance_m": 8}).examined(3.0)
+    assert (fence["fence"].verdict is CheckResult.GOOD) == good
+    assert words in fence["fence"].seen
+    assert good or "link.set_fence" in fence["fence"].remedy
 
 
 class Port:
