@@ -105,5 +105,7 @@ print(version("pdps-companion"))')
   1. set the wiring of the sensors in /etc/pdps/drone.toml
   2. reboot, if this was the first time
   3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml
-  4. sudo systemctl start pdps-companion    the drone takes off
+  4. propellers off: sudo -u pdps /opt/pdps/venv/bin/companion fly --rehearse \
+         --config /etc/pdps/drone.toml --out /var/lib/pdps/map
+  5. sudo systemctl start pdps-companion    the drone takes off
 END

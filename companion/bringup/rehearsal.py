@@ -84,11 +84,15 @@ COMMANDS = {
 class Rehearsal:
     """One rehearsal. `step` is called at every tick until `is_over`.
 
-    `lines` are the results so far, and `prompt` is what the pilot has to do now.
+    `lines` are the results so far, and `prompt` is what the pilot has to do now. Without a pilot
+    nobody takes the drone over: MODE leads to ARM.
     """
 
-    def __init__(self, examination: Examination, setpoint_loss_s: float) -> None:
+    def __init__(
+        self, examination: Examination, setpoint_loss_s: float, *, has_pilot: bool = True
+    ) -> None:
         self._examination = examination
+        self._has_pilot = has_pilot
         self._setpoint_loss_s = setpoint_loss_s
         self.stage = Stage.PARTS
         self._since_s: float | None = None
@@ -192,8 +196,12 @@ class Rehearsal:
             remedy = "disarm it; another program or the pilot has armed it"
             self._fail(now_s, "the vehicle is armed already", remedy)
         elif vehicle.in_offboard_mode:
-            then = Stage.TAKE if self.stage is Stage.MODE else Stage.ARM
+            takes = self.stage is Stage.MODE and self._has_pilot
+            then = Stage.TAKE if takes else Stage.ARM
             self._pass(now_s, f"{vehicle.mode} after {age_s:.1f} s", then)
+            if not self._has_pilot:
+                seen = "by nobody: preflight.transmitter = false"
+                self.lines.append(Finding(Stage.TAKE.value, CheckResult.GOOD, seen))
         elif age_s > MODE_TIMEOUT_S:
             remedy = "the autopilot refuses the mode, or the pilot's switch sets it back"
             self._fail(now_s, _refused(vehicle), remedy)

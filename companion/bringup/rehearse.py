@@ -61,12 +61,20 @@ def rehearse(config: Config, out: Path, console: Console) -> bool:
         return False
     seen = tuple(f"{line.part}: {line.seen}" for line in [folder, *lines])
     store(config.preflight.rehearsal_file, passed_now(config, autopilot, seen))
-    days = config.preflight.rehearsal_days
-    console.print(
-        f"passed: flights are allowed for {days:g} days, by {config.preflight.rehearsal_file}",
-        soft_wrap=True,
-    )
+    _tell_passed(config, console)
     return True
+
+
+def _tell_passed(config: Config, console: Console) -> None:
+    preflight = config.preflight
+    text = f"passed: flights are allowed for {preflight.rehearsal_days:g} days"
+    console.print(f"{text}, by {preflight.rehearsal_file}", soft_wrap=True)
+    if preflight.transmitter:
+        console.print(
+            "before the flight move the mode switch away and back: the autopilot is still in the "
+            "companion's mode",
+            soft_wrap=True,
+        )
 
 
 Show = Callable[[Sequence[Finding], str], None]
@@ -92,7 +100,8 @@ def play(opened: Opened, show: Show) -> tuple[list[Finding], str]:
     needs_pilot = config.preflight.transmitter and not config.sensors.is_simulated
     link, wires = recording.tap(opened.transport), opened.wires
     examination = Examination(config, link, wires, needs_pilot=needs_pilot, listeners=[identity])
-    rehearsal = Rehearsal(examination, config.link.setpoint_loss_s)
+    has_pilot = config.preflight.transmitter
+    rehearsal = Rehearsal(examination, config.link.setpoint_loss_s, has_pilot=has_pilot)
     lateness, late = Lateness(), ""
     lines = [_bus(config, examination, clock)]
     show(lines, "")

@@ -9,12 +9,8 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 
 from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
-from companion.bringup.failsafes import (
-    fence_of,
-    fence_parameters,
-    needed_parameters,
-    transmitter_loss,
-)
+from companion.bringup.failsafes import needed_parameters, transmitter_loss
+from companion.bringup.fences import fence_beside, fence_parameters, is_limited
 from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.link_test import dropped_messages, slow_streams
 from companion.bringup.parameters import AskedParameters
@@ -247,13 +243,12 @@ class Examination:
         names = [*AVOIDANCE] if isinstance(firmware, ArduPilot) else []
         names += needed_parameters(firmware) if self._needs_pilot else ()
         plan = self._config.mission
-        if plan.max_height_m is not None or plan.max_distance_m is not None:
-            names += fence_parameters(firmware)
+        names += fence_parameters(firmware) if is_limited(plan) else ()
         self.link.transmit(self._parameters.requests(now_s, names))
         values = self._parameters.values(firmware)
         if self._needs_pilot and (loss := transmitter_loss(firmware, values)):
             yield loss
-        if fence := fence_of(firmware, values, plan):
+        if fence := fence_beside(firmware, values, plan):
             yield fence
         if all(name in values for name in AVOIDANCE):
             yield from self._of_avoidance(values)

@@ -62,8 +62,7 @@ def make_rig(
 def fence_to_set(config: Config) -> Fence | None:
     """The fence that the autopilot gets; None if it keeps its own."""
     limits = Fence(config.mission.max_height_m, config.mission.max_distance_m)
-    is_limited = limits.height_m is not None or limits.distance_m is not None
-    return limits if config.link.set_fence and is_limited else None
+    return limits if config.link.set_fence and limits != Fence(None, None) else None
 
 
 @contextmanager

@@ -39,6 +39,7 @@ class Rehearsed:
         acts: Mapping[Stage, Act] | None = None,
         *,
         transmitter: bool = True,
+        has_pilot: bool = True,
         parameters: Mapping[str, float] | None = None,
     ) -> None:
         config = Config()
@@ -51,8 +52,9 @@ class Rehearsed:
         self.autopilot.switch_transmitter(on=transmitter)
         self.switch(self.here)
         wires = self.simulation.board.bus
-        self.examination = Examination(config, companion_end, wires, needs_pilot=True)
-        self.rehearsal = Rehearsal(self.examination, config.link.setpoint_loss_s)
+        self.examination = Examination(config, companion_end, wires, needs_pilot=has_pilot)
+        loss_s = config.link.setpoint_loss_s
+        self.rehearsal = Rehearsal(self.examination, loss_s, has_pilot=has_pilot)
         self._acts, self._prompt = dict(acts or {}), ""
         self.pilot_obeys = True
         self.each_tick: Callable[[], None] = lambda: None
@@ -105,6 +107,16 @@ def test_a_sound_drone_passes_line_by_line_and_never_leaves_the_ground(
     assert reaction in lines["setpoint loss"].seen
     assert not drone.is_armed
     assert drone.simulation.record.air_time_s == 0
+
+
+def test_a_drone_that_flies_without_a_pilot_is_rehearsed_without_one() -> None:
+    drone = Rehearsed(transmitter=False, has_pilot=False)
+    drone.switch(STABILIZE)
+    lines = drone.run()
+    assert drone.rehearsal.has_passed
+    assert lines["switch taken"].seen == "by nobody: preflight.transmitter = false"
+    assert "switch given" not in lines
+    assert not drone.is_armed
 
 
 def does(action: Action) -> Act:

@@ -5,13 +5,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+import typer
 from rich.console import Console
 
 from companion.bringup import rehearse as runner
 from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.rehearse import Opened, play, rehearse
+from companion.commands import fly
 from companion.config.settings import Config
-from companion.core.errors import OutputError
+from companion.core.errors import OutputError, RehearsalError
 from companion.link.transports.transport import direct_pair
 from companion.recording import room
 from companion.run.rehearsed import passed_now, store, valid_pass
@@ -101,6 +103,33 @@ def test_a_card_without_room_is_told_before_anything_else(
     monkeypatch.setattr(Console, "input", lambda *_: pytest.fail("asked"))
     assert not rehearse(config, tmp_path, console)
     assert "free some space" in console.export_text()
+
+
+@pytest.mark.parametrize(("passes", "status"), [(True, 0), (False, 1)])
+def test_the_command_rehearses_instead_of_flying(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, passes: bool, status: int
+) -> None:
+    monkeypatch.setattr(fly, "rehearse", lambda *_: passes)
+    monkeypatch.setattr(fly, "open_rig", lambda *_, **__: pytest.fail("flown"))
+    with pytest.raises(typer.Exit) as ended:
+        fly.fly_command(out=tmp_path, is_rehearsal=True)
+    assert ended.value.exit_code == status
+
+
+def test_only_the_option_skips_the_rehearsal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+
+    def open_rig(*_: object, skip_rehearsal: bool) -> None:
+        asked.append(skip_rehearsal)
+        raise RehearsalError("no rehearsal")
+
+    monkeypatch.setattr(fly, "open_rig", open_rig)
+    for skips in (False, True):
+        with pytest.raises(RehearsalError):
+            fly.fly_command(out=tmp_path, skip_rehearsal=skips)
+    assert asked == [False, True]
 
 
 def test_a_new_rehearsal_ends_the_pass_of_the_last_one(

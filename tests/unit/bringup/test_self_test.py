@@ -200,7 +200,7 @@ FENCE = {"FENCE_ENABLE": 1, "FENCE_TYPE": 3, "FENCE_MARGIN": 1, "FENCE_ACTION": 
 @pytest.mark.parametrize(
     ("parameters", "good", "words"),
     [
-        ({}, True, "only the companion's"),
+        ({}, True, "the companion's only"),
         ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 9}, True, "max_height_m 2.5 m"),
         ({**FENCE, "FENCE_ALT_MAX": 3.0, "FENCE_RADIUS": 9}, False, "stops at 2 m"),
         ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 4}, False, "mission.max_distance_m = 8"),
