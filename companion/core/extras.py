@@ -8,6 +8,7 @@ from companion.core.errors import MissingExtraError
 PACKAGES_OF_EXTRA = {
     "sitl": ("fcl", "evo", "PIL", "shapely", "yaml"),
     "export": ("ezdxf", "pyoctomap"),
+    "ifc": ("ifcopenshell",),
     "team": ("zenoh",),
     "viewer": ("viser", "websockets"),
 }

@@ -13,7 +13,7 @@ from companion.export.plan.drawing import Contents, draw
 from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
-from companion.export.plan.turned import Up, extent_m, up_rad
+from companion.export.plan.turned import Up, extent_m
 
 EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
@@ -102,11 +102,11 @@ def choose_sheet(survey: Survey, contents: Contents) -> Sheet:
 
 def turned_up(survey: Survey, labels: Labels) -> Survey:
     """The map as it stands on the paper."""
-    return survey.turned(up_rad(survey.plan, labels.up, labels.heading_rad))
+    return survey.turned(labels.up_rad(survey.plan))
 
 
 def _figure(survey: Survey, labels: Labels) -> Figure:
-    heading_rad = -up_rad(survey.plan, labels.up, labels.heading_rad)
+    heading_rad = -labels.up_rad(survey.plan)
     survey = turned_up(survey, labels)
     sheet = choose_sheet(survey, labels.contents)
     figure = Figure(figsize=(sheet.width_mm / MM_PER_INCH, sheet.height_mm / MM_PER_INCH))
@@ -166,14 +166,14 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, labels: Labels) -> None
     axes.text(
         left_mm, FOOT_MM - 7, labels.title, fontsize=11, color=INK, weight="bold", va="center"
     )
-    axes.text(left_mm, FOOT_MM - 13, _facts(survey), fontsize=8, color=INK, va="center")
+    axes.text(left_mm, FOOT_MM - 13, facts(survey), fontsize=8, color=INK, va="center")
     notes = "metres, measured between surfaces; black: measured from both sides; grey: from one"
     if labels.unfinished:
         notes = f"{INCOMPLETE}: {labels.unfinished}"
     axes.text(left_mm, FOOT_MM - 18, notes, fontsize=6.5, color=FAINT, va="center")
 
 
-def _facts(survey: Survey) -> str:
+def facts(survey: Survey) -> str:
     """Rooms, walls, accuracy and height in words."""
     plan = survey.plan
     area_m2 = sum(room.area_m2 for room in survey.rooms)

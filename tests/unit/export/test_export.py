@@ -5,10 +5,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import ezdxf.filemanagement
 import ezdxf.path
+import ifcopenshell
+import ifcopenshell.util.placement
 import numpy as np
 import pyoctomap
 import pytest
@@ -20,6 +23,7 @@ from fontTools.pens.recordingPen import RecordingPen
 from fontTools.svgLib.path import parse_path
 from hypothesis import given
 from hypothesis import strategies as st
+from ifcopenshell.util.element import get_psets
 from PIL import Image
 from pypcd4.pypcd4 import PointCloud
 from pypdf import PdfReader
@@ -117,6 +121,22 @@ def test_ezdxf_finds_walls_rooms_and_dimensions_in_metres(exported: Exported) ->
     assert shapely.Polygon(corners).area == pytest.approx(100, rel=0.02)
     labels = [text.dxf.text for text in space.query('TEXT[layer=="LABELS"]')]
     assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.1f} m2"]
+
+
+def test_ifcopenshell_finds_the_surfaces_of_the_walls(exported: Exported) -> None:
+    """Each wall of the room was seen from inside, so its axis is the surface that was seen."""
+    model: Any = ifcopenshell.open(exported.path("ifc"))
+    ends = []
+    for wall in model.by_type("IfcWall"):
+        matrix = ifcopenshell.util.placement.get_local_placement(wall.ObjectPlacement)
+        length_m = get_psets(wall)["Qto_WallBaseQuantities"]["Length"]
+        ends.append([(matrix @ [along_m, 0, 0, 1])[:2] for along_m in (0, length_m)])
+    assert len(ends) == 4
+    exported.assert_walls(along(np.array(ends)))
+    (space,) = model.by_type("IfcSpace")
+    assert get_psets(space)["Qto_SpaceBaseQuantities"]["NetFloorArea"] == pytest.approx(
+        100, rel=0.02
+    )
 
 
 def test_trimesh_finds_floor_walls_and_ceiling_in_the_glb(exported: Exported) -> None:
