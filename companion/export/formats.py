@@ -13,7 +13,7 @@ from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 
 WRITERS = {
-    "dxf": ("plan.dxf", "write_dxf"),
+    "dxf": ("dxf.write", "write_dxf"),
     "svg": ("plan.sheet", "write_svg"),
     "pdf": ("plan.sheet", "write_pdf"),
     "ifc": ("ifc.write", "write_ifc"),

@@ -4,5 +4,6 @@
                       building and furniture (building) ─┴─► drawing ─┬─► figure ─► sheet, map.png
                                     labels, room names  ──────────────┘└► dxf
 
-`sheet` writes SVG and PDF, `dxf` writes DXF, and `export/map_png.py` the picture of every flight.
+`sheet` writes SVG and PDF, `export/dxf` writes DXF, and `export/map_png.py` the picture of every
+flight.
 """

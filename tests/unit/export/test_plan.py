@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from companion.core.errors import ConfigError
 from companion.core.frames import Vector2
 from companion.core.messages import FloorPlan
+from companion.export.dxf.write import write_dxf
 from companion.export.plan.building import building
 from companion.export.plan.dimensions import CHARACTER, Dimension
 from companion.export.plan.drawing import Contents, draw
-from companion.export.plan.dxf import write_dxf
 from companion.export.plan.labels import Labels
 from companion.export.plan.room_names import read_room_names
 from companion.export.plan.sheet import choose_sheet, write_svg
