@@ -14,8 +14,9 @@ from companion.export.ifc.walls import Doorway, Wall, walls
 from companion.export.plan.building import building
 from companion.export.plan.dimensions import SIGMAS
 from companion.export.plan.labels import Labels
-from companion.export.plan.sheet import INCOMPLETE, facts, turned_up
+from companion.export.plan.sheet import turned_up
 from companion.export.plan.survey import Room, Survey
+from companion.export.plan.title import INCOMPLETE, facts
 from companion.export.plan.turned import to_xy
 
 DOORWAY_M = 2.0

@@ -16,7 +16,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import FloorPlan, WallSegment
 from companion.core.values import value
 from companion.export.plan.building import Building, building
-from companion.export.plan.dimensions import Dimension, Placing
+from companion.export.plan.dimensions import SIGMAS, Dimension, Placing
 from companion.export.plan.turned import to_xy
 
 if TYPE_CHECKING:  # they need a library that the drone does without
@@ -44,6 +44,8 @@ class Layer(StrEnum):
     OPENINGS = "OPENINGS"
     DIMENSIONS = "DIMENSIONS"
     LABELS = "LABELS"
+    TITLE = "TITLE"
+    """Title block."""
 
 
 @value
@@ -63,6 +65,16 @@ class Area:
 
 
 @value
+class Doorway:
+    """An opening in a wall."""
+
+    start_xy_m: Vector2
+    end_xy_m: Vector2
+    tolerance_m: float
+    """Of its width, 19 in 20; 0 if it is not known."""
+
+
+@value
 class Label:
     """A text, centred."""
 
@@ -77,6 +89,8 @@ class Drawing:
 
     strokes: tuple[Stroke, ...]
     areas: tuple[Area, ...]
+    doorways: tuple[Doorway, ...]
+    """On the layer of openings."""
     labels: tuple[Label, ...]
     dimensions: tuple[Dimension, ...]
     points_xy_m: tuple[Vector2, ...]
@@ -110,8 +124,9 @@ def draw(
         placing.keep_off(label.text, label.at_xy_m, label.height_mm)
     dimensions = tuple(placing.dimensions(openings))
     return Drawing(
-        tuple(_strokes(parts, openings)),
+        tuple(_strokes(parts)),
         tuple(_areas(parts, rooms, m_per_mm)),
+        tuple(map(_doorway, openings)),
         tuple(labels),
         dimensions,
         tuple((hit.position_ned_m[1], hit.position_ned_m[0]) for hit in plan.hits)
@@ -123,13 +138,16 @@ def draw(
     )
 
 
-def _strokes(parts: Building, openings: Sequence["Opening"]) -> Iterator[Stroke]:
+def _strokes(parts: Building) -> Iterator[Stroke]:
     for wall in parts.furniture:
         yield Stroke(Layer.FURNITURE, _line(wall))
     for wall in parts.walls:
         yield Stroke(Layer.WALLS, _line(wall))
-    for opening in openings:
-        yield Stroke(Layer.OPENINGS, (to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)))
+
+
+def _doorway(opening: "Opening") -> Doorway:
+    start, end = to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)
+    return Doorway(start, end, SIGMAS * opening.sigma_m)
 
 
 def _areas(parts: Building, rooms: Sequence["Room"], m_per_mm: float) -> Iterator[Area]:

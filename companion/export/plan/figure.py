@@ -62,6 +62,8 @@ def draw_in(axes: Axes, drawing: Drawing, m_per_mm: float) -> None:
         axes.plot(0, 0, marker="o", markersize=3.5, color=flight_colour(0))
     for stroke in drawing.strokes:
         _stroke(axes, stroke)
+    for doorway in drawing.doorways:
+        _line(axes, (doorway.start_xy_m, doorway.end_xy_m), PENS[Layer.OPENINGS])
     for dimension in drawing.dimensions:
         _dimension(axes, dimension, m_per_mm)
     for label in drawing.labels:
