@@ -1,5 +1,6 @@
-"""Makes the map of a log that another program recorded: `companion map`."""
+"""Makes the map of a log that another program recorded: `companion map`; prints its schema."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +8,7 @@ import typer
 from rich.console import Console
 
 from companion.core.errors import OutputError
+from companion.export.map_record import map_schema
 from companion.offline.console import LogProgress, log_summary
 from companion.offline.files import save_results
 from companion.offline.mapper import map_log
@@ -35,3 +37,9 @@ def map_command(
         console.print(log_summary(result, []))
         raise
     console.print(log_summary(result, files))
+
+
+@commands.command("map-schema")
+def map_schema_command() -> None:
+    """Print the JSON schema of map.json and of `export --format json`; see docs/exports.md."""
+    print(json.dumps(map_schema(), indent=2, ensure_ascii=False))

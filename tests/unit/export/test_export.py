@@ -35,6 +35,7 @@ from companion.core.frames import Place, ned_to_enu, ned_to_gltf
 from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, export
+from companion.export.map_files import save_json
 from companion.export.plan.figure import INK
 from companion.export.plan.labels import Labels
 from companion.export.plan.sheet import EDGE_MM, FOOT_MM, choose_sheet
@@ -42,6 +43,7 @@ from companion.export.plan.survey import Survey, survey
 from companion.export.plan.turned import Up
 from sitl.testing import Flight, Sitl
 from sitl.world.plan import wall_surfaces
+from tests.unit.export.map_schema import deviations
 
 pytestmark = pytest.mark.flights
 
@@ -233,6 +235,14 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
         assert np.sqrt(np.diag(covariance)) == pytest.approx([wall.sigma_m, wall.normal_sigma_rad])
     assert record["rooms"][0]["area_m2"] == pytest.approx(100, rel=0.02)
     assert len(record["path"]) == len(plan.path)
+
+
+def test_both_json_files_of_a_flight_follow_the_published_schema(
+    exported: Exported, tmp_path: Path
+) -> None:
+    save_json(exported.flight.plan, tmp_path / "map.json")
+    for path in (exported.path("json"), tmp_path / "map.json"):
+        assert deviations(path) == []
 
 
 def off_paper(survey: Survey, points_up_pt: Array) -> Array:
