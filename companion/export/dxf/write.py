@@ -14,9 +14,9 @@ from ezdxf.units import M
 
 from companion.export.dxf.blocks import DASHES, Title, define, insert_opening, insert_title
 from companion.export.plan.dimensions import TEXT_MM, Dimension
-from companion.export.plan.drawing import Area, Layer, Stroke, draw
+from companion.export.plan.drawing import Area, Layer, Stroke
 from companion.export.plan.labels import Labels
-from companion.export.plan.sheet import choose_sheet, turned_up
+from companion.export.plan.sheet import choose_sheet, drawn, turned_up
 from companion.export.plan.survey import Survey
 from companion.export.plan.title import INCOMPLETE, MEASURED, arrow, facts
 
@@ -24,6 +24,7 @@ COLOURS = {
     Layer.ROOMS: 8,
     Layer.POINTS: 30,
     Layer.PATH: 4,
+    Layer.UNSEEN: 1,
     Layer.BEHIND: 9,
     Layer.SOLID: 8,
     Layer.FURNITURE: 8,
@@ -60,7 +61,7 @@ def write_dxf(survey: Survey, path: Path, labels: Labels) -> None:
     survey = turned_up(survey, labels)
     sheet = choose_sheet(survey, labels.contents)
     m_per_mm = sheet.m_per_mm
-    drawing = draw(survey.plan, survey.rooms, survey.openings, labels.contents, m_per_mm)
+    drawing = drawn(survey, labels, sheet)
     document = _document(m_per_mm)
     space = document.modelspace()
     for area in drawing.areas:
@@ -130,7 +131,8 @@ def _document(m_per_mm: float) -> Document:
     document.linetypes.add(DASHES, (sum(DASHES_MM), DASHES_MM[0], -DASHES_MM[1]))
     for name, colour in COLOURS.items():
         weight = WEIGHTS.get(name, 13)
-        document.layers.add(name, color=colour, lineweight=weight)
+        line = DASHES if name is Layer.UNSEEN else "Continuous"
+        document.layers.add(name, color=colour, lineweight=weight, linetype=line)
     document.layers.get(Layer.POINTS).off()
     define(document)
     style = document.dimstyles.duplicate_entry("EZDXF", "METRES")
@@ -155,8 +157,12 @@ def _area(space: Modelspace, area: Area) -> None:
 
 
 def _stroke(space: Modelspace, stroke: Stroke) -> None:
-    start, end = stroke.points_xy_m
-    space.add_line(start, end, dxfattribs={"layer": stroke.layer})
+    attributes = {"layer": stroke.layer}
+    if stroke.layer is Layer.UNSEEN:
+        space.add_lwpolyline(stroke.points_xy_m, dxfattribs=attributes)
+    else:
+        start, end = stroke.points_xy_m
+        space.add_line(start, end, dxfattribs=attributes)
 
 
 def _dimension(space: Modelspace, dimension: Dimension) -> None:

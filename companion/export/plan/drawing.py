@@ -34,6 +34,8 @@ class Layer(StrEnum):
     ROOMS = "ROOMS"
     POINTS = "POINTS"
     PATH = "PATH"
+    UNSEEN = "UNSEEN"
+    """Borders of what was seen, on an unfinished map."""
     BEHIND = "WALLS-ONE-SIDE"
     """Behind walls that were seen from one side."""
     SOLID = "WALLS-SOLID"
@@ -115,8 +117,13 @@ def draw(
     openings: Sequence["Opening"],
     contents: Contents,
     m_per_mm: float,
+    *,
+    unseen_ne_m: Sequence[Sequence[Vector2]] = (),
 ) -> Drawing:
-    """Draw a map that is turned already. `m_per_mm`: metres for each millimetre of paper."""
+    """Draw a map that is turned already.
+
+    `m_per_mm`: metres for each millimetre of paper; `unseen_ne_m`: borders of what was seen.
+    """
     parts = building(plan)
     labels = [label for room in rooms for label in _labels(room, contents, m_per_mm)]
     placing = Placing(parts, m_per_mm)
@@ -124,7 +131,7 @@ def draw(
         placing.keep_off(label.text, label.at_xy_m, label.height_mm)
     dimensions = tuple(placing.dimensions(openings))
     return Drawing(
-        tuple(_strokes(parts)),
+        tuple(_strokes(parts, unseen_ne_m)),
         tuple(_areas(parts, rooms, m_per_mm)),
         tuple(map(_doorway, openings)),
         tuple(labels),
@@ -138,7 +145,9 @@ def draw(
     )
 
 
-def _strokes(parts: Building) -> Iterator[Stroke]:
+def _strokes(parts: Building, unseen_ne_m: Sequence[Sequence[Vector2]]) -> Iterator[Stroke]:
+    for border in unseen_ne_m:
+        yield Stroke(Layer.UNSEEN, tuple(map(to_xy, border)))
     for wall in parts.furniture:
         yield Stroke(Layer.FURNITURE, _line(wall))
     for wall in parts.walls:

@@ -10,7 +10,7 @@ from companion.export.colours import flight_colour
 from companion.export.plan.dimensions import Dimension
 from companion.export.plan.drawing import Area, Drawing, Layer, Stroke
 
-INK, FAINT, RETURNS, DOOR = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f"
+INK, FAINT, RETURNS, DOOR, WARNING = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f", "#c1121f"
 MM_PER_INCH = 25.4
 """Millimetres per inch, exact by definition."""
 PT_PER_MM = 72 / MM_PER_INCH
@@ -31,6 +31,7 @@ class _Pen:
 PENS = {
     Layer.WALLS: _Pen(INK, 2.0),
     Layer.FURNITURE: _Pen(FAINT, 0.8),
+    Layer.UNSEEN: _Pen(WARNING, 1.2, "--"),
     Layer.OPENINGS: _Pen(DOOR, 1.2, "--"),
 }
 NAMES = {

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from companion.core.figures import Axes, Figure, Polygon, rc_context
-from companion.export.plan.drawing import Contents, draw
-from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in
+from companion.export.plan.drawing import Contents, Drawing, draw
+from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, WARNING, draw_in
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 from companion.export.plan.title import INCOMPLETE, MEASURED, Arrow, arrow, facts
 from companion.export.plan.turned import extent_m
+from companion.export.plan.unseen import unseen_borders
 
 EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
@@ -28,8 +29,8 @@ PAPERS_MM = (("A4", 297.0, 210.0), ("A3", 420.0, 297.0))
 """Name, long side and short side (ISO 216), mm."""
 LARGEST_SCALE_ON_A4 = 100
 """Largest denominator on A4; smaller scales use A3. Chosen."""
-STAMP, STAMP_PT = "#c1121f", 54
-"""Colour and height, points, of the stamp on an unfinished map. Chosen."""
+STAMP_PT = 54
+"""Height of the stamp, points, on an unfinished map. Chosen."""
 SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none", "text.parse_math": False}
 """Settings for a reproducible file with text as text; a $ starts no formula."""
 
@@ -111,6 +112,13 @@ def turned_up(survey: Survey, labels: Labels) -> Survey:
     return survey.turned(labels.up_rad(survey.plan))
 
 
+def drawn(survey: Survey, labels: Labels, sheet: Sheet) -> Drawing:
+    """The drawing of a map that is turned already."""
+    unseen_ne_m = unseen_borders(survey) if labels.unfinished else ()
+    shown = survey.plan, survey.rooms, survey.openings, labels.contents
+    return draw(*shown, sheet.m_per_mm, unseen_ne_m=unseen_ne_m)
+
+
 def _figure(survey: Survey, labels: Labels) -> Figure:
     pointing = arrow(survey.plan, labels)
     survey = turned_up(survey, labels)
@@ -120,8 +128,7 @@ def _figure(survey: Survey, labels: Labels) -> Figure:
     east_m, north_m = sheet.span_m
     plan.set_xlim(sheet.west_m, sheet.west_m + east_m)
     plan.set_ylim(sheet.south_m, sheet.south_m + north_m)
-    drawing = draw(survey.plan, survey.rooms, survey.openings, labels.contents, sheet.m_per_mm)
-    draw_in(plan, drawing, sheet.m_per_mm)
+    draw_in(plan, drawn(survey, labels, sheet), sheet.m_per_mm)
     if labels.unfinished:
         _stamp(plan)
     foot = _axes(figure, sheet, EDGE_MM, EDGE_MM + FOOT_MM)
@@ -143,7 +150,7 @@ def _stamp(axes: Axes) -> None:
         ha="center",
         va="center",
         fontsize=STAMP_PT,
-        color=STAMP,
+        color=WARNING,
         alpha=0.25,
         weight="bold",
     )
@@ -175,7 +182,7 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, labels: Labels) -> None
     axes.text(left_mm, FOOT_MM - 13, facts(survey), fontsize=8, color=INK, va="center")
     notes = f"{MEASURED}; black: measured from both sides; grey: from one"
     if labels.unfinished:
-        notes = f"{INCOMPLETE}: {labels.unfinished}"
+        notes = f"{INCOMPLETE}: {labels.unfinished}; dashed red: nothing was seen beyond"
     axes.text(left_mm, FOOT_MM - 18, notes, fontsize=6.5, color=FAINT, va="center")
 
 
