@@ -125,7 +125,9 @@ def draw(
     `m_per_mm`: metres for each millimetre of paper; `unseen_ne_m`: borders of what was seen.
     """
     parts = building(plan)
-    labels = [label for room in rooms for label in _labels(room, contents, m_per_mm)]
+    labels = [
+        label for room in rooms for label in _labels(room, parts.furniture, contents, m_per_mm)
+    ]
     placing = Placing(parts, m_per_mm)
     for label in labels:
         placing.keep_off(label.text, label.at_xy_m, label.height_mm)
@@ -172,8 +174,10 @@ def _areas(parts: Building, rooms: Sequence["Room"], m_per_mm: float) -> Iterato
         yield Area(Layer.SOLID, (tuple(map(to_xy, solid.ring_ne_m)),))
 
 
-def _labels(room: "Room", contents: Contents, m_per_mm: float) -> Iterator[Label]:
-    x, y = to_xy(room.label_ne_m)
+def _labels(
+    room: "Room", furniture: Sequence[WallSegment], contents: Contents, m_per_mm: float
+) -> Iterator[Label]:
+    x, y = to_xy(room.label_ne_m(furniture))
     off_m = 0.8 * NAME_MM * m_per_mm
     yield Label(contents.room_names.get(room.name, room.name), (x, y + off_m), NAME_MM)
     yield Label(f"{room.area_m2:.1f} m²", (x, y - off_m), AREA_MM)

@@ -119,6 +119,19 @@ def test_no_text_lies_on_another_or_on_a_line(pieces: list[tuple[Vector2, Vector
             assert not shapely.LineString(drawn.line.reshape(2, 2)).intersects(text)
 
 
+@pytest.mark.parametrize("east_m", [2.5, 4.0, 5.5])
+def test_the_name_of_a_room_is_not_on_furniture(east_m: float) -> None:
+    """A board stands in the middle of the room of 5 m by 8 m."""
+    room = ring((0.0, 0.0), (5.0, 0.0), (5.0, 8.0), (0.0, 8.0))
+    board = wall((2.0, east_m), (3.0, east_m))
+    plan = seen([*room, board], (1.0, 1.0), (4.0, 1.0), (1.0, 7.0), (4.0, 7.0))
+    names = draw(plan, survey(plan).rooms, (), Contents(), SCALE / 1000).labels
+    line = shapely.LineString([(east_m, 2.0), (east_m, 3.0)])
+    assert names
+    for label in names:
+        assert line.distance(shapely.Point(label.at_xy_m)) > 1.0
+
+
 def test_an_office_of_16_by_10_m_fits_on_a4_at_any_heading() -> None:
     office = FloorPlan(walls=tuple(ring((0.0, 0.0), (16.0, 0.0), (16.0, 10.0), (0.0, 10.0))))
     squared = survey(turned(office, -0.3)).turned(-up_rad(turned(office, 0.3), Up.WALLS, 0.0))
