@@ -48,7 +48,8 @@ def replay_command(
     recording = read(flight)
     app = replay(recording)
     plan = app.final_floor_plan()
-    console.print(summary(app.flight, plan, save(plan, out) if out else [], None))
+    files = save(plan, out, app.flight.unfinished) if out else []
+    console.print(summary(app.flight, plan, files, None))
     same = is_same_map(app, recording)
     if same is None:
         console.print(

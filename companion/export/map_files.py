@@ -46,14 +46,20 @@ end_header
 """Begin of the PLY file. A library that writes it takes longer to load than all else at the end."""
 
 
-def save(plan: FloorPlan, folder: Path) -> list[Path]:
+def save(plan: FloorPlan, folder: Path, unfinished: str = "") -> list[Path]:
     """Write map.json, map.png and map.ply and return their paths; one failure stops no other.
+
+    `unfinished`: why the mission was not completed; empty if it was.
 
     Raises:
         OutputError: a file cannot be written; the message names every such file.
     """
     paths = [folder / name for name in MAP_WRITERS]
-    each_by_itself(partial(save_as, MAP_WRITERS[path.name], plan, path) for path in paths)
+
+    def write(name: str, content: FloorPlan, path: Path) -> None:
+        MAP_WRITERS[name](content, path, unfinished)
+
+    each_by_itself(partial(save_as, partial(write, path.name), plan, path) for path in paths)
     return paths
 
 
@@ -162,11 +168,12 @@ def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, floa
     ]
 
 
-MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path], None]] = {
-    "map.json": save_json,
+MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path, str], None]] = {
+    "map.json": lambda plan, path, _: save_json(plan, path),
     "map.png": draw,
-    "map.ply": save_ply,
+    "map.ply": lambda plan, path, _: save_ply(plan, path),
 }
+"""Writer of each file of a flight; the text is why the mission was not completed."""
 
 
 class AutoSave:

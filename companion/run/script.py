@@ -223,7 +223,7 @@ class Drone:
                 self._plan = self._app.final_floor_plan()
                 recorder.close(self._plan)
                 if self._out is not None:
-                    save(self._plan, self._out)
+                    save(self._plan, self._out, self._flight.unfinished)
 
     def _tick(self, outputs: Outputs) -> None:
         while True:

@@ -352,7 +352,8 @@ def fly(
         result, plan, missed = fly_in_one_process(
             options, flown, settings, transport.value, out=out, console=console
         )
-        outputs += [partial(save, plan, out)] if out else []
+        unfinished = "" if result["completed"] else str(result["ending"])
+        outputs += [partial(save, plan, out, unfinished)] if out else []
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         outputs.append(partial(save_report, reported or result, path))

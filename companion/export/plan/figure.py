@@ -9,6 +9,7 @@ from companion.core.frames import Vector2
 from companion.export.colours import flight_colour
 from companion.export.plan.dimensions import Dimension
 from companion.export.plan.drawing import Area, Drawing, Layer, Stroke
+from companion.export.plan.title import INCOMPLETE
 
 INK, FAINT, RETURNS, DOOR, WARNING = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f", "#c1121f"
 MM_PER_INCH = 25.4
@@ -17,6 +18,8 @@ PT_PER_MM = 72 / MM_PER_INCH
 """Points per millimetre, exact by definition."""
 FINE_PT, PATH_PT, RETURNS_PT = 0.4, 0.7, 0.9
 """Widths of dimension lines and paths, and diameter of a beam's end, points. Chosen."""
+STAMP_PT = 54
+"""Height of the stamp on an unfinished map, points. Chosen."""
 TICK_MM = 1.0
 """Half length of the ticks at the ends of a dimension line, mm. Chosen."""
 
@@ -39,6 +42,7 @@ NAMES = {
     Layer.SOLID: "measured from both sides",
     Layer.BEHIND: "from one side",
     Layer.FURNITURE: "furniture",
+    Layer.UNSEEN: "nothing seen beyond",
 }
 """Layers in the legend."""
 FILLS = {Layer.ROOMS: "#f1efe8", Layer.BEHIND: "#b9c2c7", Layer.SOLID: INK}
@@ -71,6 +75,23 @@ def draw_in(axes: Axes, drawing: Drawing, m_per_mm: float) -> None:
         _text(axes, label.text, label.at_xy_m, label.height_mm)
 
 
+def stamp(axes: Axes) -> None:
+    """Write across the plan that it is not finished."""
+    axes.text(
+        0.5,
+        0.5,
+        INCOMPLETE,
+        transform=axes.transAxes,
+        rotation=30,
+        ha="center",
+        va="center",
+        fontsize=STAMP_PT,
+        color=WARNING,
+        alpha=0.25,
+        weight="bold",
+    )
+
+
 def legend(figure: Figure, drawing: Drawing) -> None:
     """Name what is drawn, below the plan."""
     (axes,) = figure.axes
@@ -84,11 +105,18 @@ def legend(figure: Figure, drawing: Drawing) -> None:
     drawn = {each.layer for each in drawing.strokes} | {each.layer for each in drawing.areas}
     for layer, name in NAMES.items():
         if layer in drawn:
-            colour, width_pt = FILLS.get(layer), 6.0
-            if layer in PENS:
-                colour, width_pt = PENS[layer].colour, PENS[layer].width_pt
-            axes.plot(nothing, nothing, color=colour, linewidth=width_pt, label=name)
-    figure.legend(loc="lower center", ncols=6, frameon=False, fontsize=8)
+            pen = PENS.get(layer) or _Pen(FILLS[layer], 6.0)
+            axes.plot(
+                nothing,
+                nothing,
+                color=pen.colour,
+                linewidth=pen.width_pt,
+                linestyle=pen.dashes,
+                label=name,
+            )
+    figure.legend(
+        loc="lower center", ncols=7, frameon=False, fontsize=8, columnspacing=1.0, handlelength=1.5
+    )
 
 
 def _fill(axes: Axes, area: Area) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from companion.core.figures import Axes, Figure, Polygon, rc_context
 from companion.export.plan.drawing import Contents, Drawing, draw
-from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, WARNING, draw_in
+from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in, stamp
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 from companion.export.plan.title import INCOMPLETE, MEASURED, Arrow, arrow, facts
@@ -29,8 +29,6 @@ PAPERS_MM = (("A4", 297.0, 210.0), ("A3", 420.0, 297.0))
 """Name, long side and short side (ISO 216), mm."""
 LARGEST_SCALE_ON_A4 = 100
 """Largest denominator on A4; smaller scales use A3. Chosen."""
-STAMP_PT = 54
-"""Height of the stamp, points, on an unfinished map. Chosen."""
 SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none", "text.parse_math": False}
 """Settings for a reproducible file with text as text; a $ starts no formula."""
 
@@ -114,7 +112,7 @@ def turned_up(survey: Survey, labels: Labels) -> Survey:
 
 def drawn(survey: Survey, labels: Labels, sheet: Sheet) -> Drawing:
     """The drawing of a map that is turned already."""
-    unseen_ne_m = unseen_borders(survey) if labels.unfinished else ()
+    unseen_ne_m = unseen_borders(survey.plan) if labels.unfinished else ()
     shown = survey.plan, survey.rooms, survey.openings, labels.contents
     return draw(*shown, sheet.m_per_mm, unseen_ne_m=unseen_ne_m)
 
@@ -130,30 +128,13 @@ def _figure(survey: Survey, labels: Labels) -> Figure:
     plan.set_ylim(sheet.south_m, sheet.south_m + north_m)
     draw_in(plan, drawn(survey, labels, sheet), sheet.m_per_mm)
     if labels.unfinished:
-        _stamp(plan)
+        stamp(plan)
     foot = _axes(figure, sheet, EDGE_MM, EDGE_MM + FOOT_MM)
     foot.set_xlim(0, sheet.width_mm - 2 * EDGE_MM)
     foot.set_ylim(0, FOOT_MM)
     _draw_foot(foot, survey, sheet, labels)
     _draw_arrow(foot, sheet.width_mm - 2 * EDGE_MM - 10, pointing)
     return figure
-
-
-def _stamp(axes: Axes) -> None:
-    """Write across the plan that it is not finished."""
-    axes.text(
-        0.5,
-        0.5,
-        INCOMPLETE,
-        transform=axes.transAxes,
-        rotation=30,
-        ha="center",
-        va="center",
-        fontsize=STAMP_PT,
-        color=WARNING,
-        alpha=0.25,
-        weight="bold",
-    )
 
 
 def _axes(figure: Figure, sheet: Sheet, low_mm: float, high_mm: float) -> Axes:

@@ -1,9 +1,13 @@
 """The words and the arrow of the title block, for paper and CAD."""
 
+from typing import TYPE_CHECKING
+
 from companion.core.messages import FloorPlan
 from companion.core.values import value
 from companion.export.plan.labels import Labels
-from companion.export.plan.survey import Survey
+
+if TYPE_CHECKING:  # it needs a library that the drone does without
+    from companion.export.plan.survey import Survey
 
 INCOMPLETE = "INCOMPLETE"
 """Word on an unfinished map."""
@@ -20,7 +24,7 @@ class Arrow:
     """Clockwise from what is up on the paper."""
 
 
-def facts(survey: Survey) -> str:
+def facts(survey: "Survey") -> str:
     """Rooms, walls, accuracy and height in words."""
     plan = survey.plan
     area_m2 = sum(room.area_m2 for room in survey.rooms)

@@ -5,14 +5,13 @@ beams and path ─► free cells ─► gaps between beams closed, single beams 
 """
 
 import numpy as np
-import shapely
 from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2
+from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M, FREE, OCCUPIED, UNKNOWN, cells
-from companion.export.plan.survey import Survey
 
 BETWEEN_BEAMS_M = 0.3
 """Free cells this near to each other leave nothing unseen between them, m. Chosen: beams of a drone
@@ -27,13 +26,13 @@ AT_WALL_M = 0.2
 cells, and less than half a doorway."""
 SHORTEST_M = 0.4
 """Shortest border, m. Chosen: of a doorway of 0.8 m this is left between its jambs."""
-STRAIGHT_M = 0.05
-"""Largest deviation of a drawn line, m. Chosen: a cell."""
+EVERY = 4
+"""One point of a border in so many is kept. Chosen: they are a cell apart or less."""
 
 
-def unseen_borders(survey: Survey) -> tuple[tuple[Vector2, ...], ...]:
+def unseen_borders(plan: FloorPlan) -> tuple[tuple[Vector2, ...], ...]:
     """Lines between free and unseen space, each through points north, east, m."""
-    grid = cells(survey)
+    grid = cells(plan)
     if not (grid.states == FREE).any():
         return ()
     known = grid.states != UNKNOWN
@@ -47,9 +46,10 @@ def unseen_borders(survey: Survey) -> tuple[tuple[Vector2, ...], ...]:
         outline: Array = np.asarray(line_found, dtype=float)
         column, row = outline.round().astype(int).T
         for piece in _runs(outline, off_wall_m[row, column] > AT_WALL_M):
-            line = shapely.LineString(corner_xy_m + CELL_M * piece).simplify(STRAIGHT_M)
-            if line.length > SHORTEST_M:
-                borders.append(tuple((y, x) for x, y in line.coords))
+            line_xy_m = corner_xy_m + CELL_M * piece
+            if np.hypot(*np.diff(line_xy_m, axis=0).T).sum() > SHORTEST_M:
+                thinned = np.concatenate([line_xy_m[:-1:EVERY], line_xy_m[-1:]])
+                borders.append(tuple((y, x) for x, y in thinned.tolist()))
     return tuple(borders)
 
 

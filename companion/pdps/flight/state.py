@@ -160,6 +160,11 @@ class FlightState:
         return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
 
     @property
+    def unfinished(self) -> str:
+        """Why the mission was not completed; empty if it was."""
+        return "" if self.completed else self.ending
+
+    @property
     def waits(self) -> bool:
         """True while the drone waits for others, and lets them pass."""
         is_waiting = self.explores is not None and self.explores.phase is ExplorePhase.WAIT
