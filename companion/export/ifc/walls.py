@@ -253,6 +253,8 @@ def _closed(made: Sequence[Wall]) -> list[Wall]:
         others = [other for other in made if other is not wall]
         first_m = min(_meets_m(wall, wall.turned_round(), others), key=abs, default=0.0)
         last_m = min(_meets_m(wall, wall, others), key=abs, default=0.0)
+        if wall.length_m + first_m + last_m < SHORTEST_M:
+            first_m = last_m = 0.0  # both ends would meet the same wall
         moved = (replace(each, middle_m=each.middle_m + first_m) for each in wall.doorways)
         closed.append(
             replace(

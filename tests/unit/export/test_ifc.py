@@ -15,10 +15,11 @@ import ifcopenshell.util.unit
 import ifcopenshell.validate
 import numpy as np
 import pytest
+import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.core.frames import Place
+from companion.core.frames import Place, Vector2
 from companion.core.messages import FloorPlan
 from companion.export.ifc.walls import NOMINAL_M, walls
 from companion.export.ifc.write import DOORWAY_M, write_ifc
@@ -274,3 +275,34 @@ def test_walls_are_the_same_at_any_heading(house: Survey, turn_deg: float) -> No
         [5.0, 5.0, 5.0, 8.0 + THICK_M, 8.0 + THICK_M]
     )
     assert sum(len(each.doorways) for each in found) == 1
+
+
+place = st.tuples(st.floats(0, 10), st.floats(0, 10))
+opening = st.builds(
+    lambda at, angle_rad, width_m: Opening(
+        at, (at[0] + width_m * math.cos(angle_rad), at[1] + width_m * math.sin(angle_rad))
+    ),
+    place,
+    st.floats(-4, 4),
+    st.floats(0.5, 1.5),
+)
+
+
+@given(st.lists(st.tuples(place, place), max_size=12), st.lists(opening, max_size=3))
+@settings(max_examples=examples(30))
+def test_in_any_map_each_opening_is_in_one_wall(
+    pieces: list[tuple[Vector2, Vector2]], openings: list[Opening]
+) -> None:
+    surfaces = [wall(*piece) for piece in pieces if math.dist(*piece) > 0.35]
+    found = walls(building(FloorPlan(walls=tuple(surfaces))), openings)
+    assert len([each for each in found for _ in each.doorways]) == len(openings)
+    for each in found:
+        assert each.length_m > 0.0
+        outline = shapely.Polygon([(corner.real, corner.imag) for corner in each.corners])
+        assert outline.is_valid
+        assert outline.area > 0.5 * each.length_m * each.thickness_m
+        for doorway in each.doorways:
+            half_m = doorway.opening.width_m / 2
+            assert half_m - 1e-9 <= doorway.middle_m <= each.length_m - half_m + 1e-9
+            middle = np.mean([doorway.opening.start_ne_m, doorway.opening.end_ne_m], axis=0)
+            assert abs(each.at(doorway.middle_m) - complex(*middle)) < 1.0
