@@ -23,7 +23,7 @@ WRITERS = {
     "glb": ("mesh", "write_glb"),
     "bt": ("octree", "write_bt"),
     "geojson": ("geojson", "write_geojson"),
-    "json": ("records", "write_json"),
+    "json": ("map_record", "write_json"),
 }
 """Module of this package and function of each format; a module loads only when it is needed."""
 

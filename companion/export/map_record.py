@@ -5,7 +5,8 @@ any time, so readers skip keys that they do not know. `VERSION` rises if a key g
 meaning.
 """
 
-from typing import Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.json import encode, format, schema_components
@@ -13,6 +14,9 @@ from msgspec.json import encode, format, schema_components
 from companion.core.frames import Vector2, Vector3
 from companion.core.json_schema import DIALECT, docstrings
 from companion.core.messages import FloorPlan, Pose, WallSegment
+
+if TYPE_CHECKING:  # it needs a library that the drone does without
+    from companion.export.plan.survey import Survey
 
 VERSION: Literal[1] = 1
 """Version of the definition."""
@@ -184,6 +188,20 @@ def _wall(wall: WallSegment) -> WallRecord:
 def _pose(pose: Pose, *, with_position: bool) -> PoseRecord:
     place = pose.north_m, pose.east_m, pose.down_m
     return PoseRecord(pose.time_s, *place, pose.yaw_rad, place if with_position else UNSET)
+
+
+def write_json(survey: "Survey", path: Path) -> None:
+    """Write a map with its rooms and openings, as an export."""
+    rooms = tuple(
+        RoomRecord(room.name, room.area_m2, room.outline_ne_m, room.holes_ne_m)
+        for room in survey.rooms
+    )
+    openings = tuple(
+        OpeningRecord(each.start_ne_m, each.end_ne_m, each.width_m, each.sigma_m)
+        for each in survey.openings
+    )
+    record = map_record(survey.plan, rooms, openings, with_positions=True)
+    path.write_text(in_json(record), encoding="utf-8")
 
 
 def in_json(record: MapRecord) -> str:

@@ -13,9 +13,8 @@ from companion.commands.cli import commands
 from companion.core.errors import RecordingError
 from companion.core.messages import FloorPlan, Pose, Surface, WallSegment
 from companion.export.map_files import load_json, save_json
-from companion.export.map_record import map_schema
+from companion.export.map_record import map_schema, write_json
 from companion.export.plan.survey import survey
-from companion.export.records import write_json
 from tests.unit.export.map_schema import PUBLISHED, deviations, schema
 from tests.unit.export.plans import two_rooms_with_a_doorway
 
