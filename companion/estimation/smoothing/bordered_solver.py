@@ -13,6 +13,7 @@ with the poses integrated out. Time and memory are linear in the length of the c
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise, starmap
 
 import numpy as np
@@ -110,6 +111,12 @@ def _stacked(gradient: Gradient, residuals: int) -> tuple[Indices, Array]:
     return columns, derivatives
 
 
+@cache
+def _lower_triangle(size: int) -> tuple[Indices, Indices]:
+    """Rows and columns of the lower triangle, which is needed for each addition."""
+    return np.tril_indices(size)
+
+
 class BorderedSystem:
     """Collects the normal equations, row by row of the Jacobian."""
 
@@ -160,7 +167,7 @@ class BorderedSystem:
         weighted, weighted_shared = weight * by_rows, weight * by_columns
         self._chain_gradient.add(rows, weighted * residual)
         self._shared_gradient.add(columns, weighted_shared * residual)
-        i, j = np.tril_indices(len(rows))
+        i, j = _lower_triangle(len(rows))
         low, high = np.minimum(rows[i], rows[j]), np.maximum(rows[i], rows[j])
         self._a.add((high - low) * self._chained + low, weighted[i] * by_rows[j])
         self._b.add(rows[:, None] * self._shared + columns, weighted[:, None] * by_columns)
