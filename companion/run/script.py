@@ -10,24 +10,38 @@ The control loop is that of `companion fly`. It runs in a thread, independently 
 drone lands when the context ends, for any reason.
 """
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
-from companion.core.errors import FlightEndedError
-from companion.core.messages import Beam, FloorPlan, Order, Pose, RangeReading, Task
+from companion.core.errors import FlightEndedError, NotCompletedError
+from companion.core.messages import (
+    HOLD,
+    Beam,
+    FloorPlan,
+    Order,
+    Pose,
+    RangeReading,
+    Setpoint,
+    Target,
+    Task,
+)
 from companion.export.map_files import save
 from companion.export.write import write
-from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
+from companion.pdps.flight.orders import REPLACED
+from companion.pdps.flight.state import FINAL_PHASES, UNARMED_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
 from companion.run.loop import ControlLoop
+from companion.run.script_limits import require_target, require_velocity
+from companion.run.telemetry import Telemetry
 from companion.team.radio import new_instance
 from companion.team.teammate import Heard
 from companion.ticks import Inputs, Outputs, Progress
@@ -35,6 +49,9 @@ from companion.ticks import Inputs, Outputs, Progress
 T = TypeVar("T")
 LOOK_S = 0.2
 """Period of the checks while the script waits, s. Chosen."""
+DEADMAN_S = 0.5
+"""Time of the flight for which the drone keeps a velocity that the script does not renew, s.
+Chosen: ten ticks, in which the drone flies half a metre."""
 
 
 def connect(
@@ -64,8 +81,10 @@ def connect(
 class Drone:
     """One flight. Every step blocks until it is complete.
 
-    Each step raises FlightEndedError if the flight ends first, by a fault, the pilot or the time
-    limit; its text is that of `companion fly`.
+    Each step raises FlightEndedError if the flight ends first, by a fault, the pilot, a lost link
+    or the time limit; its text is that of `companion fly`. It raises NotCompletedError if the
+    flight goes on without the step: if the drone is on the ground, if it turned back for its
+    battery or time and hovers over the start, or if another step or `stop` replaced the step.
     """
 
     def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
@@ -73,7 +92,12 @@ class Drone:
         self._out = out
         self._tell = tell
         self._app = App(config, instance=new_instance())
+        self.telemetry = Telemetry()
+        """Subscriptions to pose, readings, battery, activity and walls."""
         self._order = Order()
+        self._ordering = threading.Lock()
+        self._told = 0
+        """Number of the last order of which the script knows that it was not completed."""
         self._is_to_land = False
         self._latest: Outputs | None = None
         self._plan: FloorPlan | None = None
@@ -129,19 +153,88 @@ class Drone:
             raise ValueError(f"mission = {mission!r}: should be building, exterior or layers")
         self._do(Task.SCAN, mission)
 
+    def fly_to(
+        self,
+        north_m: float,
+        east_m: float,
+        *,
+        height_m: float | None = None,
+        yaw_rad: float | None = None,
+        timeout_s: float | None = None,
+    ) -> None:
+        """Fly to a place through measured free space, round all obstacles, and hover there.
+
+        The place is in the frame of the map: local NED from the take-off place, north along the
+        nose at take-off. The drone travels at the height of the map, `mission.height_m`. Over the
+        place it climbs or descends to `height_m`, above the take-off point, and turns to `yaw_rad`,
+        clockwise from north. If it knows no path, it looks all round once. `timeout_s` is in
+        seconds of the flight.
+
+        Raises:
+            NotCompletedError: the place is not free, not reachable or not reached in time; the text
+                names the reason and the remedy.
+            ValueError: a height or another value is out of its limits.
+        """
+        target = Target((north_m, east_m), height_m, yaw_rad)
+        require_target(target, timeout_s)
+        until_s = math.inf if timeout_s is None else self._now_s + timeout_s
+        self._do(Task.FLY_TO, target=target, until_s=until_s)
+
+    def fly_velocity(
+        self,
+        forward_m_s: float = 0.0,
+        right_m_s: float = 0.0,
+        down_m_s: float = 0.0,
+        yaw_rate_rad_s: float = 0.0,
+        *,
+        seconds: float | None = None,
+    ) -> None:
+        """Fly at a velocity in the body frame (FRD), and hover after `seconds` of the flight.
+
+        Without `seconds` it returns at once. Then the drone keeps the velocity for `DEADMAN_S`, or
+        until the next step: call it again in time. The velocity guard limits every setpoint, so the
+        drone may be slower. Off the height of the map it flies level at no more than 0.2 m/s.
+        `yaw_rate_rad_s` is clockwise.
+
+        Raises:
+            NotCompletedError: the guard has refused the velocity for a second. Without `seconds`,
+                the next call raises it.
+            ValueError: the velocity is above `mission.speed_m_s`, `mission.turn_rate_deg_s` or
+                0.4 m/s up or down, or `seconds` is not positive.
+        """
+        velocity = Setpoint(forward_m_s, right_m_s, down_m_s, yaw_rate_rad_s)
+        require_velocity(velocity, seconds, self._config.mission)
+        self._require_air(Task.FLY_VELOCITY)
+        if seconds is not None:
+            self._fly_velocity(velocity, self._now_s + seconds)
+            return
+        flight = self._flight
+        if flight.undone and flight.obeyed > self._told:
+            self._fail(flight)
+        self._ask(Task.FLY_VELOCITY, velocity=velocity, until_s=self._now_s + DEADMAN_S)
+
+    def stop(self) -> None:
+        """End the present step: the drone hovers, and the step raises NotCompletedError.
+
+        It is for another thread, and returns at once. A landing, a take-off, and the return with
+        the battery or time that is left continue.
+        """
+        self._ask(Task.WAIT)
+
     def go_home(self) -> None:
         """Fly to the take-off point through free space."""
         self._do(Task.HOME)
 
     def land(self) -> None:
         """Land at the current position, which ends the flight."""
-        self._order = Order(self._order.number + 1, Task.LAND)
-        self._wait(lambda flight: flight.phase in FINAL_PHASES)
+        self._require_air(Task.LAND)
+        self._ask(Task.LAND)
+        flight = self._wait(lambda flight: flight.phase in FINAL_PHASES)
         self._thread.join()
         if self._error is not None:
             raise self._error
-        if not self._flight.completed:
-            raise FlightEndedError(self._flight.ending)
+        if not flight.completed:
+            raise FlightEndedError(flight.ending)
 
     # State and map
 
@@ -200,6 +293,7 @@ class Drone:
             self._fly_recorded()
         except BaseException as error:
             self._error = error
+        self.telemetry.close()
         with self._ticked:
             self._ticked.notify_all()
 
@@ -208,6 +302,7 @@ class Drone:
 
             def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
                 recorder.tick(now_s, inputs, outputs)
+                self.telemetry.publish(inputs, outputs)
                 self._tick(outputs)
 
             try:
@@ -239,25 +334,107 @@ class Drone:
     def _flight(self) -> FlightState:
         return self._app.flight
 
-    def _do(self, task: Task, mission: str = "") -> None:
-        number = self._order.number + 1
-        self._order = Order(number, task, mission)
-        self._wait(lambda flight: flight.obeyed == number and flight.phase is Phase.HOVER)
-        if self._flight.phase is not Phase.HOVER:
-            raise FlightEndedError(self._flight.ending)
+    @property
+    def _now_s(self) -> float:
+        """Time of the flight at the last tick, s."""
+        return self._latest.scan.time_s if self._latest else 0.0
 
-    def _wait(self, is_so: Callable[[FlightState], bool]) -> None:
-        """Wait until the condition is met or the flight has ended."""
+    def _do(
+        self,
+        task: Task,
+        mission: str = "",
+        *,
+        target: Target | None = None,
+        until_s: float = math.inf,
+    ) -> None:
+        self._require_air(task)
+        self._wait_for(self._ask(task, mission, target=target, until_s=until_s), _is_done)
+
+    def _fly_velocity(self, velocity: Setpoint, until_s: float) -> None:
+        """Order a velocity again and again, so that the drone stops if the script does."""
+        number: int | None = None
+        while (now_s := self._now_s) < until_s:
+            valid_s = min(now_s + DEADMAN_S, until_s)
+            number = self._ask(Task.FLY_VELOCITY, velocity=velocity, until_s=valid_s, renews=number)
+            self._wait_for(number, _is_obeyed)
+        if number is not None:
+            self._wait_for(number, _is_done)
+
+    def _ask(
+        self,
+        task: Task,
+        mission: str = "",
+        *,
+        target: Target | None = None,
+        velocity: Setpoint = HOLD,
+        until_s: float = math.inf,
+        renews: int | None = None,
+    ) -> int:
+        """Give an order and return its number. `renews`: number of the order that it continues.
+
+        Raises:
+            NotCompletedError: another order has replaced the one to be continued.
+        """
+        with self._ordering:
+            if renews not in (None, self._order.number):
+                raise NotCompletedError(REPLACED)
+            number, is_renewal = self._order.number + 1, renews is not None
+            self._order = Order(number, task, mission, target, velocity, until_s, is_renewal)
+            return number
+
+    def _require_air(self, task: Task) -> None:
+        if task is not Task.TAKE_OFF and self._flight.phase in UNARMED_PHASES:
+            raise NotCompletedError(f"cannot {task.value} on the ground: take_off() comes first")
+
+    def _fail(self, flight: FlightState) -> NoReturn:
+        self._told = flight.obeyed
+        raise NotCompletedError(flight.undone or REPLACED)
+
+    def _wait_for(self, number: int, is_so: Callable[[FlightState, int], bool]) -> None:
+        """Wait for what an order leads to.
+
+        Raises:
+            NotCompletedError: another order replaced it, or the flight did not complete it.
+        """
+
+        def is_settled(flight: FlightState) -> bool:
+            never_begins = flight.obeyed < number < self._order.number
+            return is_so(flight, number) or flight.obeyed > number or never_begins
+
+        flight = self._wait(is_settled)
+        if flight.obeyed != number or flight.undone:
+            self._fail(flight)
+
+    def _wait(self, is_so: Callable[[FlightState], bool]) -> FlightState:
+        """Wait until the condition is met, and return the state in which it is.
+
+        Raises:
+            FlightEndedError: the flight has ended before.
+        """
+        met: list[FlightState] = []
 
         def is_done() -> bool:
             flight = self._flight
-            return is_so(flight) or flight.phase in FINAL_PHASES or not self._thread.is_alive()
+            if is_so(flight) or flight.phase in FINAL_PHASES or not self._thread.is_alive():
+                met.append(flight)
+            return bool(met)
 
         with self._ticked:
             while not self._ticked.wait_for(is_done, LOOK_S):  # Ctrl-C gets through in between
                 continue
         if self._error is not None:
             raise self._error
+        if not is_so(met[0]):
+            raise FlightEndedError(met[0].ending)
+        return met[0]
+
+
+def _is_done(flight: FlightState, number: int) -> bool:
+    return flight.obeyed == number and flight.phase is Phase.HOVER
+
+
+def _is_obeyed(flight: FlightState, number: int) -> bool:
+    return flight.obeyed == number
 
 
 def _nobody_at_a_terminal(progress: Progress) -> None:
