@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     )
     from companion.run.script import Drone, connect
     from companion.run.script_async import AsyncDrone, connect_async
-    from companion.run.telemetry import Subscription, Telemetry
+    from companion.run.telemetry import Subscription, Subscriptions
     from companion.team.teammate import Heard
 
 _PLACES = {
@@ -43,7 +43,7 @@ _PLACES = {
     "AsyncDrone": "run.script_async",
     "connect_async": "run.script_async",
     "Subscription": "run.telemetry",
-    "Telemetry": "run.telemetry",
+    "Subscriptions": "run.telemetry",
 }
 
 __all__ = [
@@ -60,7 +60,7 @@ __all__ = [
     "RangeScan",
     "RangeState",
     "Subscription",
-    "Telemetry",
+    "Subscriptions",
     "WallSegment",
     "connect",
     "connect_async",

@@ -18,7 +18,7 @@ from typing import ParamSpec, TypeVar
 from companion.core.errors import CompanionError
 from companion.core.messages import Beam, FloorPlan, Pose, RangeReading
 from companion.run.script import Drone, connect
-from companion.run.telemetry import Telemetry
+from companion.run.telemetry import Subscriptions
 from companion.team.teammate import Heard
 
 P = ParamSpec("P")
@@ -131,7 +131,7 @@ class AsyncDrone:
     # State and map
 
     @property
-    def telemetry(self) -> Telemetry:
+    def telemetry(self) -> Subscriptions:
         """Subscriptions, to be read with `async for`."""
         return self._drone.telemetry
 

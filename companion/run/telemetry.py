@@ -104,7 +104,7 @@ def _waker(woken: asyncio.Event) -> Callable[[], None]:
     return wake
 
 
-class Telemetry:
+class Subscriptions:
     """What a script can subscribe to.
 
     Each method returns a subscription, to be read with `for` or, in asyncio, `async for`. With a

@@ -1,5 +1,7 @@
 """Tests the script API and its examples, on a drone of `sitl run`."""
 
+import asyncio
+import re
 import signal
 import subprocess
 import sys
@@ -9,10 +11,11 @@ from pathlib import Path
 import pytest
 
 import companion
-from companion import connect
+from companion import AsyncDrone, NotCompletedError, connect, connect_async
 from companion.core.errors import ConfigError, SensorError
 from tests.processes.started import read_until, running_sitl, started
 from tests.waiting import DEADLINE_S
+from tests.worlds import SMALL_ROOM
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 # Restores Ctrl-C: a shell that runs the tests in the background ignores the signal.
@@ -35,7 +38,7 @@ finally:
 @pytest.fixture
 def drone() -> Iterator[tuple[str, str]]:
     """Addresses of the drone's link and bus."""
-    with running_sitl("--speed", "10") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         yield f"udpout:127.0.0.1:{mavlink_port}", f"sitl://127.0.0.1:{bus_port}"
 
 
@@ -65,10 +68,80 @@ def test_the_look_around_example_prints_ranges_and_lands(drone: tuple[str, str])
     assert done.stdout.strip().endswith("landed: landing was requested")
 
 
+def test_the_square_example_reaches_its_corners_and_lands(drone: tuple[str, str]) -> None:
+    link, bus = drone
+    example = str(EXAMPLES / "fly_a_square.py")
+    done = run(example, "--link", link, "--bus", bus, "--side", "1")
+    assert done.returncode == 0, done.stderr
+    corner, *_, last, end = done.stdout.splitlines()
+    assert re.match(r"corner 1: (0\.9|1\.[01]) m north, -?0\.[01] m east", corner)
+    assert re.match(r"corner 4: -?0\.[01] m north, -?0\.[01] m east", last)
+    assert end == "mission complete"
+
+
+def test_the_asyncio_example_prints_its_telemetry_until_it_has_landed(
+    drone: tuple[str, str],
+) -> None:
+    link, bus = drone
+    done = run(str(EXAMPLES / "fly_async.py"), "--link", link, "--bus", bus)
+    assert done.returncode == 0, done.stderr
+    for words in ("flying to a place", "flying at a velocity by order", "4 walls", "landing"):
+        assert words in done.stdout
+    assert done.stdout.splitlines()[-1] == "mission complete"
+
+
+def test_a_step_whose_task_is_cancelled_stops_and_an_exception_lands_the_drone(
+    drone: tuple[str, str],
+) -> None:
+    link, bus = drone
+    flown = connect_async(link=link, bus=bus)
+
+    async def fly() -> None:
+        async with asyncio.timeout(DEADLINE_S), flown:
+            with pytest.raises(NotCompletedError, match="on the ground: take_off"):
+                await flown.go_home()
+            await flown.take_off()
+            await cancelled(flown)
+            with pytest.raises(NotCompletedError, match="no sensor has measured the space"):
+                await flown.fly_to(40.0, 0.0)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        asyncio.run(fly())
+    assert flown.activity == "landed: landing was requested"
+
+
+async def cancelled(flown: AsyncDrone) -> None:
+    """Cancel a step in flight, and leave another: the drone hovers, and does not go on."""
+    flight = asyncio.create_task(flown.fly_velocity(forward_m_s=0.3, seconds=60.0))
+    activities = flown.telemetry.activity()
+    while await anext(activities) != "flying at a velocity by order":
+        continue
+    flight.cancel()
+    while await anext(activities) != "waiting for orders":
+        continue
+    assert flight.cancelled()
+    while flown.activity != "flying at a velocity by order":
+        await flown.fly_velocity(forward_m_s=0.2)
+    while await anext(activities) != "waiting for orders":  # it was not asked again
+        continue
+    poses = flown.telemetry.pose()
+    stopping = [(await anext(poses)).north_m for _ in range(80)]
+    assert abs(stopping[-1] - stopping[-40]) < 0.1
+
+
 def test_an_exception_lands_the_drone(drone: tuple[str, str]) -> None:
-    done = run("-c", SCRIPT.format(then="1 / 0"), *drone)
-    assert "ZeroDivisionError" in done.stderr
-    assert done.stdout.splitlines()[-1] == "landed: landing was requested"
+    link, bus = drone
+    flown = connect(link=link, bus=bus)
+
+    def fly() -> None:
+        with flown:
+            flown.take_off()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fly()
+    assert flown.activity == "landed: landing was requested"
 
 
 def test_ctrl_c_lands_the_drone(drone: tuple[str, str]) -> None:

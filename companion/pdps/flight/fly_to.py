@@ -82,7 +82,8 @@ def step(
     `level_m`: height of the map above the take-off point, m.
     """
     if observation.pose.time_s >= going.until_s:
-        return _refused(going, f"{_in_words(going.target.ne_m)} was not reached in time"), HOLD
+        why = f"{_in_words(going.target.ne_m)} was not reached within timeout_s"
+        return _refused(going, why), HOLD
     match going.phase:
         case FlyToPhase.TRAVEL:
             return _travel(going, observation, space, plan)

@@ -47,6 +47,8 @@ MIN_HEIGHT_M = 0.5
 """Lowest height of an order, above the take-off point, m: the lowest of `mission.height_m`."""
 LEVEL_M = 0.08
 """Maximum distance from the height of the map at which it holds, m: that of a layer."""
+LEVELS_S = 30.0
+"""Timeout of the return to the height of the map, s: more than a change by 9 m takes."""
 REPLACED = "another step or stop() ended it"
 """Reason why an order was not completed."""
 HOLDS_HEIGHT_PHASES = frozenset({Phase.HOVER, Phase.FLY_VELOCITY, Phase.DESCEND})
@@ -183,15 +185,21 @@ def _is_to_level(flight: FlightState) -> bool:
 def _to_level(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    """Returns to the height of the map where the drone is."""
-    pose, off_level = view.observation.pose, flight.off_level
+    """Returns to the height of the map where the drone is; gives up after `LEVELS_S`."""
+    pose, off_level, level_m = view.observation.pose, flight.off_level, flight.layers.height_m(plan)
     assert off_level is not None
-    from_ne_m = off_level.from_ne_m or pose.ne_m
-    is_level = abs(pose.height_m - flight.layers.height_m(plan)) < LEVEL_M
-    if is_level:
-        flight = flight.rested()
-    off_level = None if is_level else replace(off_level, from_ne_m=from_ne_m)
-    return replace(flight, off_level=off_level), FlightAction(stay(from_ne_m, pose))
+    if abs(pose.height_m - level_m) < LEVEL_M:
+        return replace(flight.rested(), off_level=None), FlightAction(HOLD)
+    if off_level.from_ne_m is None:
+        off_level = replace(off_level, from_ne_m=pose.ne_m, since_s=view.time_s)
+        flight = replace(flight, off_level=off_level)
+    if view.time_s - off_level.since_s <= LEVELS_S:
+        return flight, FlightAction(stay(off_level.from_ne_m or pose.ne_m, pose))
+    why = f"the way back to the height of the map, {level_m:.1f} m, is not free"
+    if flight.phase in TASK_PHASES:
+        stopped = replace(flight, off_level=_off_level(pose.height_m, level_m))
+        return _to_hover(stopped, view, why), FlightAction(HOLD)
+    return go(flight, Phase.LAND, view, why), FlightAction(HOLD)
 
 
 def height_m(flight: FlightState, plan: MissionConfig) -> float:

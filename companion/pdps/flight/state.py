@@ -113,6 +113,8 @@ class OffLevel:
     """Height above the take-off point, which the drone holds while it hovers."""
     from_ne_m: Vector2 | None = None
     """Place at which it returns to the height of the map, local NED, m; None before."""
+    since_s: float = math.inf
+    """Begin of the return, s."""
 
 
 @value

@@ -10,7 +10,7 @@ from companion.core.frames import frd_to_ned, wrap_rad
 from companion.core.messages import Beam, Order, RangeReading, RangeState, Setpoint, Target, Task
 from companion.mapping.occupancy import Occupancy
 from companion.pdps.flight.phases import step
-from companion.pdps.flight.state import FlightState, Phase, TickInput
+from companion.pdps.flight.state import FlightState, OffLevel, Phase, TickInput
 from companion.safety.obstacle_memory import Surroundings
 from tests.unit.pdps.flight.flight_ticks import (
     CLEAR,
@@ -125,7 +125,7 @@ def test_the_drone_flies_round_an_obstacle_and_turns_and_climbs_at_its_target() 
     [
         (to(2.2, 1.0), "2.2 m north, 1.0 m east is not free: an obstacle is 0.0 m from it", 1.0),
         (to(9.0, 1.0), "no sensor has measured the space at the place 9.0 m north", 30.0),
-        (to(3.5, 1.0, until_s=102.0), "was not reached in time", 2.1),
+        (to(3.5, 1.0, until_s=102.0), "was not reached within timeout_s", 2.1),
         (to(1.0, 1.0, height_m=3.0), "the height 3.0 m is not free: the drone stays at 1.2", 5.0),
     ],
 )
@@ -184,6 +184,21 @@ def test_off_the_height_of_the_map_the_drone_is_slow_and_returns_before_it_trave
     path = np.array(drone.path)
     assert path[path[:, 2] > PLAN.height_m + 0.1][:, 0].max() < 1.25
     assert path[-1] == pytest.approx((3.0, 1.0, PLAN.height_m), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("order", "phase"), [(to(3.0, 1.0), Phase.HOVER), (Order(1, Task.HOME), Phase.LAND)]
+)
+def test_under_an_obstacle_the_drone_gives_up_the_return_to_the_height_of_the_map(
+    order: Order, phase: Phase
+) -> None:
+    drone = Drone(above=RangeReading(RangeState.DISTANCE, 0.5, 0.01), height_m=0.7)
+    drone.flight = replace(drone.flight, off_level=OffLevel(0.7))
+    drone.fly(order, most_s=31.0)
+    assert drone.flight.phase is phase
+    why = drone.flight.undone or drone.flight.trouble
+    assert why == "the way back to the height of the map, 1.2 m, is not free"
+    assert drone.ne_m == pytest.approx((1.0, 1.0))
 
 
 @pytest.mark.parametrize(("below_m", "least_m"), [(0.6, 1.1), (5.0, 0.5)])
