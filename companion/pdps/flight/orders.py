@@ -51,8 +51,10 @@ LEVELS_S = 30.0
 """Timeout of the return to the height of the map, s: more than a change by 9 m takes."""
 REPLACED = "another step or stop() ended it"
 """Reason why an order was not completed."""
-HOLDS_HEIGHT_PHASES = frozenset({Phase.HOVER, Phase.FLY_VELOCITY, Phase.DESCEND})
-"""Phases that do not return to the height of the map first."""
+HOLDS_HEIGHT_PHASES = frozenset({Phase.HOVER, Phase.FLY_VELOCITY})
+"""Phases that hold the height to which an order has led."""
+TRAVEL_PHASES = LEVEL_PHASES - HOLDS_HEIGHT_PHASES - {Phase.DESCEND}
+"""Phases that return to the height of the map first."""
 
 
 def hover(
@@ -93,7 +95,7 @@ def _is_over(flight: FlightState, view: TickInput, order: Order) -> bool:
 
 def comes_first(flight: FlightState, view: TickInput) -> PhaseStep | None:
     """The step that comes before that of the phase; None without one."""
-    if flight.phase in LEVEL_PHASES - HOLDS_HEIGHT_PHASES and _is_to_level(flight):
+    if flight.phase in TRAVEL_PHASES and _is_to_level(flight):
         return _to_level
     if view.order is None or view.order.number <= flight.obeyed:
         return None
