@@ -3,8 +3,7 @@
 import json
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -19,50 +18,14 @@ from companion.commands.options import Foxglove, WithFoxglove
 from companion.config.settings import Config, ViewConfig, load
 from companion.core.errors import ConfigError, MissingExtraError, ViewError
 from companion.core.messages import (
-    Beam,
     FloorPlan,
-    GyroSample,
-    Pose,
-    RangeReading,
-    RangeScan,
-    RangeState,
-    Setpoint,
-    VehicleState,
     WallSegment,
 )
-from companion.link.link import Telemetry
-from companion.pdps.flight.state import FlightState
 from companion.recording import topics
-from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
-from companion.ticks import Inputs, Outputs, Progress
-from companion.view.foxglove_live import LAYOUT, LiveRecorder, publish_too
+from companion.recording.recorder import NOT_RECORDED, open_recorder
+from companion.view.foxglove_live import LAYOUT, publish_too
 from companion.view.foxglove_server import TopicServer
-from tests.foxglove_client import FoxgloveClient, foxglove_client
-from tests.waiting import until
-
-WALL = WallSegment((0.0, 1.0), (2.0, 1.0), 0.02, 40, 0.01)
-CONFIG = Config(view=ViewConfig(foxglove="127.0.0.1:0"))
-DESCRIBED = {each.topic: each for each in topics.described()}
-TICK_S = 0.05
-
-
-def inputs(time_s: float) -> Inputs:
-    vehicle = VehicleState(connected=True, mode="GUIDED", armed=True, battery=0.8)
-    gyro = [GyroSample(time_s, 0.1), GyroSample(time_s + 0.02, 0.2)]
-    scan = RangeScan(time_s, {Beam.FRONT: RangeReading(RangeState.DISTANCE, 1.5, 0.01)})
-    return Inputs(Telemetry(vehicle, texts=(f"text at {time_s:.2f}",)), gyro, scan)
-
-
-def outputs(time_s: float, walls: Callable[[], tuple[WallSegment, ...]]) -> Outputs:
-    reading = RangeReading(RangeState.DISTANCE, 1.5, 0.01)
-    scan = RangeScan(time_s, {Beam.FRONT: reading, Beam.UP: RangeReading(RangeState.NOTHING)})
-    pose = Pose(time_s, 1.0, 2.0, -1.2, 0.5)
-    progress = Progress(time_s, "", "", walls)
-    return Outputs(Setpoint(0.5, 0.0, 0.0, 0.1), None, pose, progress, FlightState(), scan)
-
-
-def one_wall() -> tuple[WallSegment, ...]:
-    return (WALL,)
+from tests.standing_flight import CONFIG, DESCRIBED, TICK_S, WALL, StandingFlight
 
 
 def no_walls() -> tuple[WallSegment, ...]:
@@ -73,41 +36,19 @@ def broken() -> tuple[WallSegment, ...]:
     raise ZeroDivisionError
 
 
-class Flight:
-    """A flight that stands still, published live."""
-
-    def __init__(self, warnings: list[str], recorder: Recorder = NOT_RECORDED) -> None:
-        self.server = TopicServer(CONFIG.view)
-        self.live = LiveRecorder(recorder, self.server, CONFIG, warnings.append)
-        self.time_s = 0.0
-
-    def tick(self, walls: Callable[[], tuple[WallSegment, ...]] = one_wall) -> None:
-        self.live.tick(self.time_s, inputs(self.time_s), outputs(self.time_s, walls))
-        self.time_s += TICK_S
-
-    @contextmanager
-    def client(self, *wanted: str, most_unread: int | None = None) -> Iterator[FoxgloveClient]:
-        """A client that receives these topics; all, if there are none."""
-        with foxglove_client(self.server.url, len(DESCRIBED), most_unread) as client:
-            client.subscribe(*(wanted or DESCRIBED))
-            last = (wanted or tuple(DESCRIBED))[-1]
-            until(lambda: self.server.is_received(last), "the subscription")
-            yield client
-
-
 @pytest.fixture
 def warnings() -> list[str]:
     return []
 
 
 @pytest.fixture
-def flight(warnings: list[str]) -> Iterator[Flight]:
-    flight = Flight(warnings)
+def flight(warnings: list[str]) -> Iterator[StandingFlight]:
+    flight = StandingFlight(warnings)
     yield flight
     flight.server.close()
 
 
-def test_a_client_receives_walls_and_pose_in_flight(flight: Flight) -> None:
+def test_a_client_receives_walls_and_pose_in_flight(flight: StandingFlight) -> None:
     for _ in range(100):
         flight.tick(no_walls)
     with flight.client(topics.WALLS, topics.POSE, topics.TF) as client:
@@ -130,7 +71,7 @@ def test_the_stream_has_the_messages_and_schemas_of_the_recording(
     tmp_path: Path, warnings: list[str]
 ) -> None:
     """Except for the walls, which it has more often."""
-    flight = Flight(warnings, open_recorder(tmp_path, CONFIG, 0.0, warnings.append))
+    flight = StandingFlight(warnings, open_recorder(tmp_path, CONFIG, 0.0, warnings.append))
     with flight.client() as client:
         for _ in range(60):
             flight.tick()
@@ -141,11 +82,11 @@ def test_the_stream_has_the_messages_and_schemas_of_the_recording(
     (mcap,) = tmp_path.glob("*.mcap")
     recorded = defaultdict(list)
     with mcap.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages():
+        for schema, channel, written in make_reader(file).iter_messages():
             if schema is not None:
                 assert client.channels[channel.topic]["schemaName"] == schema.name
                 assert client.channels[channel.topic]["encoding"] == channel.message_encoding
-                recorded[channel.topic].append((message.log_time / 1e9, message.data))
+                recorded[channel.topic].append((written.log_time / 1e9, written.data))
     walls = streamed.pop(topics.WALLS), recorded.pop(topics.WALLS)
     assert len(walls[0]) > 2
     assert walls[0][-1] == walls[1][-1]
@@ -156,7 +97,7 @@ def test_the_stream_has_the_messages_and_schemas_of_the_recording(
     assert not warnings
 
 
-def test_a_late_client_receives_map_and_configuration_at_once(flight: Flight) -> None:
+def test_a_late_client_receives_map_and_configuration_at_once(flight: StandingFlight) -> None:
     with flight.client(topics.WALLS) as first:
         flight.tick()
         assert first.next_of(topics.WALLS).time_s == 0.0
@@ -166,7 +107,7 @@ def test_a_late_client_receives_map_and_configuration_at_once(flight: Flight) ->
             assert late.next_of(topics.WALLS).time_s == pytest.approx(TICK_S)
 
 
-def test_the_last_message_is_the_final_map(flight: Flight) -> None:
+def test_the_last_message_is_the_final_map(flight: StandingFlight) -> None:
     with flight.client(topics.WALLS) as client:
         flight.tick()
         flight.live.close(FloorPlan((WALL, WALL), ceiling_m=2.4))
@@ -175,13 +116,13 @@ def test_the_last_message_is_the_final_map(flight: Flight) -> None:
     assert [cube.size.z for cube in scene.entities[0].cubes] == [2.4, 2.4]
 
 
-def test_nothing_is_computed_without_a_client(flight: Flight) -> None:
+def test_nothing_is_computed_without_a_client(flight: StandingFlight) -> None:
     for _ in range(100):
         flight.tick(no_walls)
 
 
 def test_a_client_that_reads_nothing_delays_neither_the_flight_nor_other_clients(
-    flight: Flight,
+    flight: StandingFlight,
 ) -> None:
     with flight.client(most_unread=1), flight.client(topics.POSE) as client:
         for _ in range(3000):
@@ -191,7 +132,9 @@ def test_a_client_that_reads_nothing_delays_neither_the_flight_nor_other_clients
     assert last.time_s > 149
 
 
-def test_an_error_ends_the_stream_and_not_the_flight(flight: Flight, warnings: list[str]) -> None:
+def test_an_error_ends_the_stream_and_not_the_flight(
+    flight: StandingFlight, warnings: list[str]
+) -> None:
     with flight.client(topics.WALLS):
         flight.tick(broken)
         flight.tick(broken)
@@ -229,7 +172,7 @@ def test_an_address_that_others_reach_must_be_allowed(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize(
     ("address", "reason"), [("127.0.0.1:{port}", "in use"), ("127.0.0.1:99999", "another port")]
 )
-def test_an_unusable_address_is_reported(flight: Flight, address: str, reason: str) -> None:
+def test_an_unusable_address_is_reported(flight: StandingFlight, address: str, reason: str) -> None:
     with pytest.raises(ViewError, match=rf"view.foxglove = '127.0.0.1:\d+': .*{reason}"):
         TopicServer(ViewConfig(foxglove=address.format(port=flight.server.port)))
 
