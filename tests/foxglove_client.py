@@ -45,7 +45,8 @@ class FoxgloveClient:
     def await_channels(self, count: int) -> None:
         """Wait until the server has advertised this many topics."""
         while len(self.channels) < count:
-            news = json.loads(self.connection.recv(DEADLINE_S))
+            frame = self.connection.recv(DEADLINE_S)
+            news = json.loads(frame) if isinstance(frame, str) else {}  # the clock may come first
             self.channels |= {each["topic"]: each for each in news.get("channels", ())}
 
     def subscribe(self, *topics: str) -> None:

@@ -8,6 +8,7 @@ Clients only listen: the server offers them no parameters, services or messages 
 protocol has no token. Therefore an address that other machines reach needs `view.foxglove_open`.
 """
 
+import logging
 import threading
 
 from foxglove import Channel, Context, Schema, start_server
@@ -113,6 +114,8 @@ def _channel(described: topics.Described, context: Context) -> Channel:
 
 
 def _start(address: str, port: int, context: Context, listener: ServerListener) -> WebSocketServer:
+    # it logs each message that a lost client did not receive: hundreds of lines among the flight's
+    logging.getLogger("foxglove").setLevel(logging.CRITICAL)
     try:
         return start_server(
             name=SERVER_NAME,

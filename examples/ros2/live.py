@@ -47,7 +47,8 @@ def _subscribe(connection: ClientConnection) -> dict[int, str]:
     """Subscribe to the topics that are needed; returns them by their subscription."""
     topics: dict[int, str] = {}
     while len(topics) < len(NEEDED):
-        news = json.loads(connection.recv())
+        frame = connection.recv()
+        news = json.loads(frame) if isinstance(frame, str) else {}  # the clock may come first
         topics |= {c["id"]: c["topic"] for c in news.get("channels", ()) if c["topic"] in NEEDED}
     wanted = [{"id": channel, "channelId": channel} for channel in topics]
     connection.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))

@@ -44,12 +44,15 @@ def test_a_flight_in_two_processes_equals_the_flight_in_one(tmp_path: Path) -> N
     reports = {}
     for transport in ("direct", "udp"):
         out = tmp_path / transport
-        subprocess.run(
-            sitl("fly", SMALL_ROOM, "--seed", "2", "--transport", transport, "--out", str(out)),
+        live = ("--foxglove", "127.0.0.1:0")
+        flown = subprocess.run(
+            sitl("fly", SMALL_ROOM, "--seed=2", "--transport", transport, f"--out={out}", *live),
             check=True,
             timeout=DEADLINE_S,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
         )
+        assert flown.stdout.count("ws://127.0.0.1:") == 1
         assert {"map.png", "map.ply", "map.json", "report.json"} <= set(os.listdir(out))
         reports[transport] = json.loads((out / "report.json").read_text())
         for wall_clock in ("waited_s", "speed_factor"):

@@ -1,6 +1,7 @@
 """Tests the Foxglove stream: it is the recording, live, and never delays or ends the flight."""
 
 import json
+import socket
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ from companion.recording.recorder import NOT_RECORDED, open_recorder
 from companion.view.foxglove_live import LAYOUT, publish_too
 from companion.view.foxglove_server import TopicServer
 from tests.standing_flight import CONFIG, DESCRIBED, TICK_S, WALL, StandingFlight
+from tests.waiting import until
 
 
 def no_walls() -> tuple[WallSegment, ...]:
@@ -130,6 +132,18 @@ def test_a_client_that_reads_nothing_delays_neither_the_flight_nor_other_clients
         flight.live.close(FloorPlan())
         *_, last = client.messages()
     assert last.time_s > 149
+
+
+def test_a_lost_client_prints_nothing(
+    flight: StandingFlight, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The terminal belongs to the flight; the server has a line for each message not received."""
+    with flight.client(most_unread=1) as client:
+        for _ in range(1500):
+            flight.tick()
+        client.connection.socket.shutdown(socket.SHUT_RDWR)
+        until(lambda: not flight.server.has_clients, "the loss")
+    assert not [record for record in caplog.records if record.name.startswith("foxglove")]
 
 
 def test_an_error_ends_the_stream_and_not_the_flight(
