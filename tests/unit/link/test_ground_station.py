@@ -27,8 +27,8 @@ from tests.worlds import SMALL_ROOM
 
 pytestmark = pytest.mark.flights
 
-FLOWN_S = 16.0
-"""Time after which a take-off is over, s."""
+PREPARED_S, TAKEN_OFF_S = 6.0, 16.0
+"""Times after which the origin is set, and a take-off is over, s."""
 BOUNDS_M = (1.0, 5.5)
 """Bounds of the Sharp sensors' ranges, m."""
 STATION = 255, 190
@@ -66,7 +66,7 @@ class Station:
         """No resource to release."""
 
 
-def seen(autopilot: str, link: Mapping[str, object]) -> Mapping[str, list[Any]]:
+def seen(autopilot: str, link: Mapping[str, object], until_s: float) -> Mapping[str, list[Any]]:
     """The beginning of a flight, and the messages that a ground station beside it receives."""
     place = {"origin_lat_deg": LAT_DEG, "origin_lon_deg": LON_DEG, "origin_alt_m": ALT_M}
     config = Config.model_validate({"link": {**place, **link}})
@@ -82,7 +82,7 @@ def seen(autopilot: str, link: Mapping[str, object]) -> Mapping[str, list[Any]]:
     rig = make_rig(config, companion_end, on_virtual_time(simulation.board.bus), clock)
     loop = ControlLoop(App(config), rig, _nobody_watches)
     due_s: float | None = 0.0
-    while due_s is not None and simulation.time_s < FLOWN_S:
+    while due_s is not None and simulation.time_s < until_s:
         due_s = loop.tick(clock.wait_until(due_s))
     return station.received
 
@@ -93,7 +93,7 @@ def _nobody_watches(progress: Progress) -> None:
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_a_ground_station_receives_position_obstacle_ring_and_phases(autopilot: str) -> None:
-    messages = seen(autopilot, {"tell_ranges": "obstacle_distance"})
+    messages = seen(autopilot, {"tell_ranges": "obstacle_distance"}, TAKEN_OFF_S)
     position = messages["GLOBAL_POSITION_INT"][-1]
     assert (position.lat / 1e7, position.lon / 1e7) == pytest.approx((LAT_DEG, LON_DEG), abs=1e-5)
     assert position.relative_alt / 1000 == pytest.approx(1.2, abs=0.3)
@@ -111,7 +111,7 @@ def test_a_ground_station_receives_position_obstacle_ring_and_phases(autopilot: 
 
 def test_no_ring_is_sent_unless_it_is_asked_for() -> None:
     """ArduPilot avoids with it, and limits the velocities that the companion commands."""
-    messages = seen("ardupilot", {})
+    messages = seen("ardupilot", {}, PREPARED_S)
     assert "OBSTACLE_DISTANCE" not in messages
     assert "DISTANCE_SENSOR" not in messages
     assert messages["GLOBAL_POSITION_INT"]

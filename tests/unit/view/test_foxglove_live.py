@@ -127,11 +127,11 @@ def test_a_client_that_reads_nothing_delays_neither_the_flight_nor_other_clients
     flight: StandingFlight,
 ) -> None:
     with flight.client(most_unread=1), flight.client(topics.POSE) as client:
-        for _ in range(3000):
-            flight.tick()
-        flight.live.close(FloorPlan())
-        *_, last = client.messages()
-    assert last.time_s > 149
+        while flight.time_s < 120:
+            for _ in range(200):
+                flight.tick()
+            while client.next_of(topics.POSE).time_s < flight.time_s - 0.3:
+                continue
 
 
 def test_a_lost_client_prints_nothing(
@@ -139,7 +139,7 @@ def test_a_lost_client_prints_nothing(
 ) -> None:
     """The terminal belongs to the flight; the server has a line for each message not received."""
     with flight.client(most_unread=1) as client:
-        for _ in range(1500):
+        for _ in range(100):
             flight.tick()
         client.connection.socket.shutdown(socket.SHUT_RDWR)
         until(lambda: not flight.server.has_clients, "the loss")
