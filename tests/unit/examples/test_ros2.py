@@ -1,8 +1,9 @@
-"""The example for ROS 2: its bag and its live messages show the flight in the frames of REP 105."""
+"""The example for ROS 2: bag, live messages and Zenoh show the flight in the frames of REP 105."""
 
+import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -10,11 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import open_recorder
+from tests.processes.started import free_tcp_port
 from tests.standing_flight import CONFIG, WALL, StandingFlight
 from tests.waiting import DEADLINE_S, until
 
@@ -27,7 +30,7 @@ BEGAN_UNIX_S = 1_800_000_000.0
 def example(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.syspath_prepend(EXAMPLE)
     yield
-    for name in ("pdps_ros2", "to_bag", "live"):
+    for name in ("pdps_ros2", "to_bag", "stream", "over_zenoh"):
         sys.modules.pop(name, None)
 
 
@@ -76,25 +79,68 @@ def test_a_recording_becomes_a_bag(example: None, tmp_path: Path) -> None:
     assert frames == [("map", "odom"), ("odom", "base_link")]
 
 
-def test_the_live_stream_becomes_messages(example: None) -> None:
-    """As lists, which the messages of rclpy take."""
-    live, example_module = import_module("live"), import_module("pdps_ros2")
-    flight = StandingFlight([])
-    messages = example_module.Messages(STORE.types.get, lambda values: values.tolist())
-    last: dict[str, Any] = {}
-
-    def receive() -> None:
-        last.update((each.topic, each) for each in live.received(flight.server.url, messages))
-
-    node = Thread(target=receive)
-    node.start()
-    until(lambda: all(map(flight.server.is_received, example_module.NEEDED)), "subscriptions")
+def fly(flight: StandingFlight, receive: Callable[[], object]) -> None:
+    """Fly while `receive` runs in a thread of its own, until it ends with the stream."""
+    program = Thread(target=receive)
+    program.start()
+    needed = import_module("pdps_ros2").NEEDED
+    until(lambda: all(map(flight.server.is_received, needed)), "the subscriptions")
     for _ in range(40):
         flight.tick()
     flight.live.close(FloorPlan((WALL,)))
-    node.join(DEADLINE_S)
+    program.join(DEADLINE_S)
+
+
+def test_the_live_stream_becomes_messages(example: None) -> None:
+    """As lists, which the messages of rclpy take."""
+    stream, example_module = import_module("stream"), import_module("pdps_ros2")
+    flight = StandingFlight([])
+    messages = example_module.Messages(STORE.types.get, lambda values: values.tolist())
+    last: dict[str, Any] = {}
+    received = stream.received(flight.server.url, messages)
+    fly(flight, lambda: last.update((each.topic, each) for each in received))
     assert last.keys() == example_module.TYPES.keys()
     check_map(last["/map"].message)
     check_pose(last["/odom"].message)
     assert isinstance(last["/scan"].message.ranges, list)
     assert abs(last["/scan"].time_ns / 1e9 - time.time()) < 60
+
+
+def test_keys_are_those_of_rmw_zenoh(example: None) -> None:
+    """The example of its design document, with the type's hash from rosbags."""
+    key = import_module("over_zenoh").key_of("/chatter", "std_msgs/msg/String", 0)
+    assert key == (
+        "0/chatter/std_msgs::msg::dds_::String_/"
+        "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+    )
+
+
+def test_the_live_stream_is_published_over_zenoh(example: None) -> None:
+    over_zenoh = import_module("over_zenoh")
+    router = f"tcp/127.0.0.1:{free_tcp_port()}"
+    config = zenoh.Config()
+    config.insert_json5("listen/endpoints", json.dumps([router]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    last: dict[str, Any] = {}
+    nodes: set[str] = set()
+    flight = StandingFlight([])
+    with zenoh.open(config) as session:
+        session.declare_subscriber(
+            "3/**", lambda sample: last.update({str(sample.key_expr): sample})
+        )
+        session.liveliness().declare_subscriber(
+            "@ros2_lv/3/**", lambda token: nodes.add(str(token.key_expr).split("/")[5])
+        )
+        fly(flight, lambda: over_zenoh.publish(flight.server.url, router, 3))
+        until(lambda: len(last) == len(over_zenoh.TYPES), "all topics")
+    assert nodes == {"NN", "MP"}
+    by_topic = {key.split("/")[1]: sample for key, sample in last.items()}
+    check_map(decoded(by_topic["map"], "nav_msgs/msg/OccupancyGrid"))
+    check_pose(decoded(by_topic["odom"], "nav_msgs/msg/Odometry"))
+    number, sent_ns, length, _ = over_zenoh.ATTACHMENT.unpack(bytes(by_topic["odom"].attachment))
+    assert (number, length) == (10, 16)
+    assert abs(sent_ns / 1e9 - time.time()) < 60
+
+
+def decoded(sample: Any, name: str) -> Any:
+    return STORE.deserialize_cdr(bytes(sample.payload), name)
