@@ -9,6 +9,7 @@ PACKAGES_OF_EXTRA = {
     "sitl": ("fcl", "evo", "PIL", "shapely", "yaml"),
     "export": ("ezdxf", "pyoctomap"),
     "team": ("zenoh",),
+    "foxglove": ("foxglove",),
     "viewer": ("viser", "websockets"),
 }
 """Packages of each extra of pyproject.toml, by import name."""
