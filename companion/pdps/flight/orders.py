@@ -19,7 +19,7 @@ from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore
 from companion.pdps.flight import fly_to as flying
 from companion.pdps.flight.fly_to import FlyTo, FlyToPhase
-from companion.pdps.flight.fly_velocity import FlyVelocity
+from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M, FlyVelocity
 from companion.pdps.flight.state import (
     LEVEL_PHASES,
     MISSION_PHASES,
@@ -43,8 +43,6 @@ from companion.safety.control_laws import (
     stay,
 )
 
-MIN_HEIGHT_M = 0.5
-"""Lowest height of an order, above the take-off point, m: the lowest of `mission.height_m`."""
 LEVEL_M = 0.08
 """Maximum distance from the height of the map at which it holds, m: that of a layer."""
 LEVELS_S = 30.0

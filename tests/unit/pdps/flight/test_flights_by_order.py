@@ -209,6 +209,7 @@ def test_a_descent_keeps_clear_of_what_is_below(below_m: float, least_m: float) 
         below_m = drone.below.distance_m + TICK_S * -drone.setpoint.down_m_s
         drone.below = RangeReading(RangeState.DISTANCE, below_m, 0.01)
     assert drone.height_m == pytest.approx(least_m, abs=0.05)
+    assert "clearance to what is below, and a height of 0.5 m" in drone.flight.undone
 
 
 @pytest.mark.parametrize("phase", [Phase.ROOM, Phase.FLY_TO, Phase.FLY_VELOCITY, Phase.HOME])
