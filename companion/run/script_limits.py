@@ -4,7 +4,7 @@ import math
 
 from companion.config.settings import MissionConfig
 from companion.core.messages import Setpoint, Target
-from companion.pdps.flight.orders import MIN_HEIGHT_M
+from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M
 from companion.safety.control_laws import MAX_CLIMB_M_S
 
 MAX_HEIGHT_M = 10.0

@@ -11,6 +11,8 @@ from companion.core.values import value
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.velocity_guard import CRAWL_M_S
 
+MIN_HEIGHT_M = 0.5
+"""Lowest height of an order, above the take-off point, m: the lowest of `mission.height_m`."""
 REFUSED_SHARE, REFUSED_S = 0.1, 1.0
 """The velocity is refused if for this time, s, less than this share of it is allowed. Chosen: after
 a turn, unswept space ahead stops the drone for less."""
@@ -55,8 +57,12 @@ class FlyVelocity:
         if time_s - self.refused_since_s <= REFUSED_S:
             return ""
         if not (self.wanted.forward_m_s or self.wanted.right_m_s):
-            side = "above" if self.wanted.down_m_s < 0 else "below"
-            return f"the velocity is refused: the drone needs its clearance to what is {side}"
+            if self.wanted.down_m_s < 0:
+                return "the velocity is refused: the drone needs its clearance to what is above"
+            return (
+                "the velocity is refused: the drone needs its clearance to what is below, "
+                f"and a height of {MIN_HEIGHT_M} m"
+            )
         near_m = float(np.hypot(*around.points_frd_m.T).min(initial=math.inf))
         nearest = "" if math.isinf(near_m) else f"; the nearest obstacle is {near_m:.1f} m away"
         return f"the velocity is refused by the velocity guard{nearest}"

@@ -19,7 +19,7 @@ from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore
 from companion.pdps.flight import fly_to as flying
 from companion.pdps.flight.fly_to import FlyTo, FlyToPhase
-from companion.pdps.flight.fly_velocity import FlyVelocity
+from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M, FlyVelocity
 from companion.pdps.flight.state import (
     LEVEL_PHASES,
     MISSION_PHASES,
@@ -43,8 +43,6 @@ from companion.safety.control_laws import (
     stay,
 )
 
-MIN_HEIGHT_M = 0.5
-"""Lowest height of an order, above the take-off point, m: the lowest of `mission.height_m`."""
 LEVEL_M = 0.08
 """Maximum distance from the height of the map at which it holds, m: that of a layer."""
 LEVELS_S = 30.0
@@ -84,9 +82,10 @@ def _begin(flight: FlightState, view: TickInput, plan: MissionConfig, order: Ord
             flight = replace(flight, way_home=Travel(START_NE_M), lost_since_s=math.inf)
         case Task.LAND:
             phase = Phase.LAND
-    if phase is Phase.HOVER:
-        return replace(flight, obeyed=order.number)
-    return replace(go(flight, phase, view), obeyed=order.number, undone="")
+    if phase is not Phase.HOVER:
+        flight = go(flight, phase, view)
+    undone = flight.undone if order.renews else ""
+    return replace(flight, obeyed=order.number, undone=undone)
 
 
 def _is_over(flight: FlightState, view: TickInput, order: Order) -> bool:
@@ -95,14 +94,19 @@ def _is_over(flight: FlightState, view: TickInput, order: Order) -> bool:
 
 def comes_first(flight: FlightState, view: TickInput) -> PhaseStep | None:
     """The step that comes before that of the phase; None without one."""
-    if flight.phase in TRAVEL_PHASES and _is_to_level(flight):
-        return _to_level
+    if _is_replaced(flight, view):
+        return _stop
+    return _to_level if flight.phase in TRAVEL_PHASES and _is_to_level(flight) else None
+
+
+def _is_replaced(flight: FlightState, view: TickInput) -> bool:
+    """True if a new order ends the step that the drone executes."""
     if view.order is None or view.order.number <= flight.obeyed:
-        return None
+        return False
     if flight.phase is Phase.FLY_VELOCITY and view.order.task is Task.FLY_VELOCITY:
-        return None
+        return False
     is_replaceable = flight.phase in TASK_PHASES or flight.phase is Phase.HOME
-    return _stop if is_replaceable and not flight.undone else None
+    return is_replaceable and not flight.undone
 
 
 def _stop(

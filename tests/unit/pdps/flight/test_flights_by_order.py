@@ -209,6 +209,7 @@ def test_a_descent_keeps_clear_of_what_is_below(below_m: float, least_m: float) 
         below_m = drone.below.distance_m + TICK_S * -drone.setpoint.down_m_s
         drone.below = RangeReading(RangeState.DISTANCE, below_m, 0.01)
     assert drone.height_m == pytest.approx(least_m, abs=0.05)
+    assert "clearance to what is below, and a height of 0.5 m" in drone.flight.undone
 
 
 @pytest.mark.parametrize("phase", [Phase.ROOM, Phase.FLY_TO, Phase.FLY_VELOCITY, Phase.HOME])
@@ -223,6 +224,23 @@ def test_a_new_order_replaces_a_running_step(phase: Phase) -> None:
     assert drone.flight.undone == "another step or stop() ended it"
     drone.tick(Order(4))
     assert drone.flight.obeyed == 4
+
+
+def test_a_stop_also_ends_a_change_of_height_and_the_return_from_it() -> None:
+    drone = Drone()
+    for order in (to(1.0, 1.0, height_m=2.0), Order(2), replace(to(3.0, 1.0), number=3), Order(4)):
+        for _ in range(20):
+            drone.tick(order)
+        assert (drone.flight.phase is Phase.HOVER) is (order.task is Task.WAIT)
+        if order.task is Task.WAIT:
+            assert abs(drone.height_m - drone.path[-20][2]) < 0.05
+            assert drone.height_m != pytest.approx(PLAN.height_m, abs=0.05)
+
+
+def test_an_order_that_needs_nothing_forgets_the_refusal_before() -> None:
+    drone = Drone(space=with_pillar())
+    assert drone.fly(to(2.2, 1.0))
+    assert drone.fly(Order(2, Task.TAKE_OFF)) == ""
 
 
 @pytest.mark.parametrize("order", [to(3.0, 1.0), at(0.1, until_s=200.0)])
