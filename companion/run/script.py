@@ -17,8 +17,9 @@ from types import TracebackType
 
 from companion.config import settings as configuration
 from companion.config.settings import Config
-from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Setpoint, Target, Task
+from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Setpoint
 from companion.export.write import write
+from companion.pdps.flight.order import Target, Task
 from companion.pdps.flight.state import FINAL_PHASES
 from companion.run.script_flight import OrderedFlight
 from companion.run.script_limits import require_target, require_velocity

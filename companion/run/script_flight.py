@@ -10,8 +10,9 @@ from queue import Empty, SimpleQueue
 from companion.app import App
 from companion.config.settings import Config
 from companion.core.errors import FlightEndedError, NotCompletedError
-from companion.core.messages import HOLD, FloorPlan, Order, Setpoint, Target, Task
+from companion.core.messages import HOLD, FloorPlan, Setpoint
 from companion.export.map_files import save
+from companion.pdps.flight.order import Order, Target, Task
 from companion.pdps.flight.orders import REPLACED
 from companion.pdps.flight.state import FINAL_PHASES, UNARMED_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig

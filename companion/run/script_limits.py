@@ -3,8 +3,9 @@
 import math
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import Setpoint, Target
+from companion.core.messages import Setpoint
 from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M
+from companion.pdps.flight.order import Target
 from companion.safety.control_laws import MAX_CLIMB_M_S
 
 MAX_HEIGHT_M = 10.0

@@ -17,13 +17,14 @@ from dataclasses import replace
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, wrap_rad
-from companion.core.messages import HOLD, Pose, Setpoint, Target
+from companion.core.messages import HOLD, Pose, Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel as travelling
 from companion.navigation.grid_planner import FLOWN_CLEAR_M, TIGHT_CLEAR_M
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel, TravelPhase
+from companion.pdps.flight.order import Target
 from companion.safety.control_laws import stay, turn_towards
 
 AT_HEIGHT_M, AT_YAW_RAD = 0.08, math.radians(3)

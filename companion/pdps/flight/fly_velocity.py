@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from companion.core.arrays import Array
-from companion.core.messages import Order, Setpoint
+from companion.core.messages import Setpoint
 from companion.core.values import value
+from companion.pdps.flight.order import Order
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.velocity_guard import CRAWL_M_S
 

@@ -13,13 +13,14 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import HOLD, Beam, Order, Setpoint, Task
+from companion.core.messages import HOLD, Beam, Setpoint
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore
 from companion.pdps.flight import fly_to as flying
 from companion.pdps.flight.fly_to import FlyTo, FlyToPhase
 from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M, FlyVelocity
+from companion.pdps.flight.order import Order, Task
 from companion.pdps.flight.state import (
     LEVEL_PHASES,
     MISSION_PHASES,

@@ -8,7 +8,7 @@ from itertools import zip_longest
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
-from companion.core.messages import Command, Fault, Order, Setpoint, VehicleState
+from companion.core.messages import Command, Fault, Setpoint, VehicleState
 from companion.core.values import value
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
@@ -19,6 +19,7 @@ from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.fly_to import FlyTo
 from companion.pdps.flight.fly_velocity import FlyVelocity
+from companion.pdps.flight.order import Order
 from companion.pdps.frontiers import Places
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan

@@ -28,17 +28,15 @@ from companion.core.messages import (
     FloorPlan,
     GyroSample,
     Odometry,
-    Order,
     RangeReading,
     RangeScan,
     RangeState,
     Setpoint,
-    Target,
-    Task,
     VehicleState,
 )
 from companion.link.link import Telemetry
 from companion.link.transports.transport import pipe_pair
+from companion.pdps.flight.order import Order, Target, Task
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_ticks, encode_plan, encode_ticks
 from companion.recording.reader import read

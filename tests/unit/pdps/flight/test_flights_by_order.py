@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from companion.core.frames import frd_to_ned, wrap_rad
-from companion.core.messages import Beam, Order, RangeReading, RangeState, Setpoint, Target, Task
+from companion.core.messages import Beam, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
+from companion.pdps.flight.order import Order, Target, Task
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, OffLevel, Phase, TickInput
 from companion.safety.obstacle_memory import Surroundings

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.core.messages import HOLD, CommandKind, Order, Task
+from companion.core.messages import HOLD, CommandKind
 from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.flight.order import Order, Task
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, Phase, TickInput
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
