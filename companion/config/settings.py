@@ -92,7 +92,7 @@ class LinkConfig(Group):
     """File that keeps the latest signing time stamp. Default: beside the key."""
     tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
     """Message in which the autopilot receives the range readings, for its own avoidance and terrain
-    following."""
+    following. Ground stations receive it, too."""
     tell_texts: bool = True
     """Send phases and faults as STATUSTEXT, for ground stations."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
@@ -211,6 +211,11 @@ class ViewConfig(Group):
     """`HOST:PORT` for `companion view`. Empty: no live view."""
     token_file: Path | None = None
     """File with the token that viewers need, mode 600. Required unless HOST is 127.0.0.1."""
+    foxglove: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
+    """`HOST:PORT` of the live stream for Foxglove. Empty: no stream."""
+    foxglove_open: bool = False
+    """Whether other machines may receive the stream, which has no token. Required unless HOST is
+    127.0.0.1."""
 
 
 class Config(Group):

@@ -10,6 +10,7 @@ PACKAGES_OF_EXTRA = {
     "export": ("ezdxf", "pyoctomap"),
     "ifc": ("ifcopenshell",),
     "team": ("zenoh",),
+    "foxglove": ("foxglove",),
     "viewer": ("viser", "websockets"),
 }
 """Packages of each extra of pyproject.toml, by import name."""
