@@ -39,6 +39,7 @@ from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.flight import phases
 from companion.pdps.flight.state import (
+    TASK_PHASES,
     UNARMED_PHASES,
     FlightAction,
     FlightState,
@@ -60,12 +61,9 @@ from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
 from companion.ticks import Inputs, Outputs, Progress
 
-EXPLORING_PHASES = frozenset(
-    {
-        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS),
-        *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
-    }
-)
+EXPLORING_PHASES = TASK_PHASES | {
+    *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+}
 """Phases in which walls are mapped and, at the height of a layer, the occupancy grid is filled."""
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
 """Phases in which obstacles, floor and ceiling are detected; these begin on the ground."""

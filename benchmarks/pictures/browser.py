@@ -30,7 +30,7 @@ def simulator_page(width_px: int, height_px: int, world: str) -> Iterator[Page]:
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Chromium is missing; on Debian: apt install chromium")
-    command = [sys.executable, "-m", "sitl", "view", world, "--port", "0"]
+    command = [sys.executable, "-m", "sitl", "view", world, "--port", "0", "--no-browser"]
     served = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert served.stdout is not None

@@ -20,9 +20,9 @@ from companion.link.link_budget import require_capacity
 from companion.link.transports.open_link import open_transport
 from companion.link.transports.transport import Transport
 from companion.recording.room import needed_bytes, refuse_no_room
-from companion.run.bus_time import is_slow, slow_bus_remedy, sweep_time_s
 from companion.run.clocks import Clock, open_clock
-from companion.run.rehearsed import forget, passed_now, store
+from companion.run.preflight.bus_time import is_slow, slow_bus_remedy, sweep_time_s
+from companion.run.preflight.rehearsed import forget, passed_now, store
 from companion.safety.health.lateness import TICK_S, Lateness
 
 PROPELLERS = (

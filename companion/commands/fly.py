@@ -1,6 +1,7 @@
 """Flies a mission: `companion fly`; the only place that assembles the parts of a flight."""
 
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +13,11 @@ from companion.bringup.rehearse import rehearse
 from companion.commands.options import (
     BusUrl,
     ConfigFile,
+    Foxglove,
     LinkUrl,
     MissionSet,
     Profile,
+    WithFoxglove,
     load_settings,
 )
 from companion.config.settings import MISSION_KINDS, Config
@@ -25,11 +28,12 @@ from companion.run.hardware import open_rig
 from companion.run.unattended import EXIT_FAILED, fly_to_the_end
 from companion.team.radio import new_instance
 from companion.view.feed import open_feed
+from companion.view.foxglove_live import publish_too
 
 commands = typer.Typer()
 
 
-@commands.command("fly")
+@commands.command("fly", cls=WithFoxglove)
 def fly_command(
     config: ConfigFile = None,
     link: LinkUrl = None,
@@ -48,10 +52,17 @@ def fly_command(
     skip_rehearsal: Annotated[
         bool, typer.Option("--skip-rehearsal", help="Fly a real drone that was not rehearsed.")
     ] = False,
+    foxglove: Foxglove = None,
 ) -> None:
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""
     settings = load_settings(
-        config, link, bus, profile, mission=mission, mission_set=mission_set or ()
+        config,
+        link,
+        bus,
+        profile,
+        mission=mission,
+        mission_set=mission_set or (),
+        foxglove=foxglove,
     )
     if is_rehearsal:
         passed = rehearse(settings, survey or out, Console(highlight=False))
@@ -126,9 +137,10 @@ def _fly(
         closing(open_feed(settings, app, console.print)) as feed,
     ):
         rig, recorder = opened
+        published = publish_too(recorder, settings, partial(console.print, soft_wrap=True))
         console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
         try:
-            code = fly_to_the_end(app, rig, recorder, out=out, console=console, look_on=feed.tick)
+            code = fly_to_the_end(app, rig, published, out=out, console=console, look_on=feed.tick)
         except CompanionError as error:  # exit status 2 is for errors before this point
             console.print(f"companion: {error}", soft_wrap=True)
             return EXIT_FAILED

@@ -6,7 +6,15 @@ from typing import Annotated
 import typer
 
 from companion.core.extras import needs_extra
-from companion.view.options import PAGE_PORT, Host, Port, TokenFile, until_interrupted
+from companion.view.options import (
+    PAGE_PORT,
+    Host,
+    OpenBrowser,
+    Port,
+    TokenFile,
+    open_in_browser,
+    until_interrupted,
+)
 
 commands = typer.Typer()
 
@@ -25,6 +33,7 @@ def view(
     host: Host = "127.0.0.1",
     port: Port = PAGE_PORT,
     token_file: TokenFile = None,
+    browser: OpenBrowser = True,
 ) -> None:
     """Show a flying drone's map on a page in the browser; Ctrl-C ends it."""
     with needs_extra("viewer"):
@@ -39,6 +48,8 @@ def view(
     server, page_address = open_page(host, port, token_file, "PDPS companion")
     page = Live(server, address, token)
     print(f"open     {page_address}", flush=True)
+    if browser:
+        open_in_browser(page_address)
     try:
         page.run(is_over)
     finally:

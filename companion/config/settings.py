@@ -97,7 +97,7 @@ class LinkConfig(Group):
     """File that keeps the latest signing time stamp. Default: beside the key."""
     tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
     """Message in which the autopilot receives the range readings, for its own avoidance and terrain
-    following."""
+    following. Ground stations receive it, too."""
     tell_texts: bool = True
     """Send phases and faults as STATUSTEXT, for ground stations."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)

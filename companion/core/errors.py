@@ -53,5 +53,9 @@ class FlightEndedError(CompanionError, RuntimeError):
     """A flight ended differently than its script expects."""
 
 
+class NotCompletedError(CompanionError, RuntimeError):
+    """A step of a script was not completed, and the drone hovers."""
+
+
 class MissingExtraError(CompanionError, ImportError):
     """A library of an optional extra is missing."""

@@ -21,10 +21,10 @@ from companion.link.transports.open_link import open_transport
 from companion.link.transports.transport import Transport
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.recording.room import refuse_no_room
-from companion.run.bus_time import refuse_slow_bus
 from companion.run.clocks import Clock, open_clock
 from companion.run.loop import Rig
-from companion.run.rehearsed import refuse_unrehearsed
+from companion.run.preflight.bus_time import refuse_slow_bus
+from companion.run.preflight.rehearsed import refuse_unrehearsed
 from companion.team.radio import NoRadio, TeamRadio
 from companion.team.zenoh_radio import open_team_radio
 

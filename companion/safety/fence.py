@@ -37,6 +37,11 @@ def top_m(plan: MissionConfig) -> float:
     return math.inf if plan.max_height_m is None else plan.max_height_m - BELOW_TOP_M
 
 
+def reach_m(plan: MissionConfig) -> float:
+    """Greatest distance from the start to which a path leads, m; infinite without a limit."""
+    return math.inf if plan.max_distance_m is None else plan.max_distance_m - INSIDE_M
+
+
 def edge(pose: Pose, plan: MissionConfig) -> Edge | None:
     """The edge in the direction away from the start; None without a limit."""
     if plan.max_distance_m is None:
@@ -57,5 +62,5 @@ def inside(space: Occupancy, here_ne_m: Vector2, plan: MissionConfig, clear_m: f
     """
     if plan.max_distance_m is None:
         return space
-    reach_m = max(plan.max_distance_m - INSIDE_M, math.hypot(*here_ne_m) + CELL_M)
-    return space.within(reach_m + clear_m)
+    centre_m = max(reach_m(plan), math.hypot(*here_ne_m) + CELL_M)
+    return space.within(centre_m + clear_m)

@@ -1,6 +1,7 @@
 """Plays a recording on the page, with a slider for the time."""
 
 import bisect
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,15 +9,16 @@ from pathlib import Path
 
 from companion.core.errors import CompanionError, RecordingError
 from companion.core.messages import FloorPlan
-from companion.export.write import FORMATS
-from companion.recording.reader import read
+from companion.recording.reader import Recording, read
 from companion.view import downloads
 from companion.view.access.act_queue import ActQueue, Event
 from companion.view.access.server import PageServer
 from companion.view.replayed import Replayed
+from companion.view.scene.card import Card, picture_of
 from companion.view.scene.instruments import PERIOD_S
 from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot, sketch_of
+from companion.view.uploads import Uploads
 
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
 """Playback speeds by label, times real time. Chosen."""
@@ -24,6 +26,19 @@ FIRST_SPEED = "5 ×"
 """Playback speed at the start, times real time. Chosen."""
 PLOTTED = 700
 """Snapshots passed to the plots: 70 s at 10 Hz. Chosen: more than the plotted minute."""
+RECORDING_SUFFIX = ".mcap"
+
+
+def playable(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        RecordingError: the file is missing, is not a recording, or contains no ticks.
+    """
+    recording = read(path)
+    if not recording.ticks:
+        raise RecordingError(f"{path}: the recording ends before the flight begins")
+    return recording
 
 
 class Playback:
@@ -33,10 +48,11 @@ class Playback:
         RecordingError: the file is missing, is not a recording, or contains no ticks.
     """
 
-    def __init__(self, server: PageServer, path: Path) -> None:
-        recording = read(path)
-        if not recording.ticks:
-            raise RecordingError(f"{path}: the recording ends before the flight begins")
+    def __init__(self, server: PageServer, path: Path, uploads: Path) -> None:
+        """`uploads`: folder for files from the browser."""
+        recording = playable(path)
+        self.instead: Path | None = None
+        """A recording from the browser, to be played instead."""
         self._config = recording.config
         self._title = path.stem
         self._server = server
@@ -50,16 +66,23 @@ class Playback:
         self._is_playing = False
         self._shown = self._shown_sketch = -1
         self._screen = Screen(server)
+        self._card = Card(server.gui, self._send_map)
+        hint = f"Another recording ({RECORDING_SUFFIX})"
+        Uploads(server.gui, self._turns, uploads, hint, self._leave)
         self._add_controls(recording.ticks[0].now_s, recording.ticks[-1].now_s)
         self._replayed = Replayed(path, lambda news: self._turns.put(lambda: self._take(news)))
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Update the page until `is_over` returns True."""
-        self._turns.run(is_over, self._play)
+        """Update the page until `is_over` returns True, or another recording is to be played."""
+        self._turns.run(lambda: is_over() or self.instead is not None, self._play)
 
     def close(self) -> None:
         self._replayed.close()
         self._server.stop()
+
+    def _leave(self, path: Path) -> None:
+        playable(path)
+        self.instead = path
 
     def _add_controls(self, first_s: float, last_s: float) -> None:
         gui = self._server.gui
@@ -69,15 +92,12 @@ class Playback:
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
             self._bands = gui.add_slider("2σ bands ×", 1.0, 20.0, 1.0, 5.0)
             self._fit = gui.add_button("All in view")
-            self._format = gui.add_dropdown("map as", FORMATS)
-            self._download = gui.add_button("Download map", disabled=True)
         self._now_s = first_s
         pressed = self._turns.pressed
         self._slider.on_update(pressed(self._seek))
         self._button.on_click(pressed(self._play_or_pause))
         self._bands.on_update(pressed(lambda: self._screen.exaggerate(self._bands.value)))
         self._fit.on_click(pressed(self._screen.fit))
-        self._download.on_click(self._send_map)
 
     def _take(self, news: Snapshot | FloorPlan) -> None:
         if isinstance(news, FloorPlan):
@@ -85,7 +105,7 @@ class Playback:
             last = self._snapshots[-1]
             self._snapshots[-1] = replace(last, sketch=sketch_of(news))
             self._sketched.append(len(self._snapshots) - 1)
-            self._download.disabled = False
+            threading.Thread(target=self._deal, args=(news, last), daemon=True).start()
             return
         if news.sketch is not None:
             self._sketched.append(len(self._snapshots))
@@ -134,13 +154,23 @@ class Playback:
             self._slider.value = round(self._now_s, 1)  # type: ignore[misc]
             self._screen.plot(self._snapshots[max(number - PLOTTED, 0) : number + 1])
 
-    def _send_map(self, event: Event) -> None:
+    def _deal(self, plan: FloorPlan, last: Snapshot) -> None:
+        """Show the card of the finished map; runs in a thread, because drawing takes a second."""
+        picture = picture_of(plan)
+        length_m = sum(wall.length_m for wall in plan.walls)
+        rows = {
+            "ended": last.activity,
+            "flight time": f"{last.time_s:.0f} s",
+            "walls mapped": f"{len(plan.walls)}, {length_m:.1f} m",
+        }
+        self._turns.put(lambda: self._card.show(picture, rows))
+
+    def _send_map(self, event: Event, name: str) -> None:
         """Send the map; runs in viser's thread, because drawing takes about a second."""
         if self._plan is None or event.client is None:
             return
-        link = self._config.link
-        place = link.place
+        place = self._config.link.place
         try:
-            downloads.send(event.client, self._plan, self._format.value, self._title, place)
+            downloads.send(event.client, self._plan, name, self._title, place)
         except CompanionError as error:
             self._turns.complain(str(error), event.client)

@@ -98,8 +98,10 @@ class Autopilot:
             imu=Imu(stream(seed, "autopilot's gyro")),
         )
         makers = self._telemetry.makers(sends_truth=sends_truth)
+        all_streams_hz = self._is.streams_hz | self._is.more_streams_hz
         self._channels = [
-            Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
+            Channel(Streams(makers, all_streams_hz if link else self._is.streams_hz), Outbox())
+            for link in range(links)
         ]
         self._broadcast = Broadcast(
             [channel.outbox for channel in self._channels],

@@ -18,7 +18,7 @@ from companion.view.scene.shapes import (
     to_scene,
 )
 from sitl.core.truth import TrueState
-from sitl.view.flight_messages import SeenDrone
+from sitl.view.flight.messages import SeenDrone
 from sitl.world.format import Segment, World
 
 WALL_COLOUR = (108, 117, 125)

@@ -1,8 +1,7 @@
-"""Defines the page's controls: flight, time, display, mission, sensors, pilot and faults."""
+"""Defines the page's controls: world, flight, display, mission, sensors, pilot and faults."""
 
 from viser import (
     GuiApi,
-    GuiButtonHandle,
     GuiDropdownHandle,
     GuiEvent,
     GuiNumberHandle,
@@ -12,22 +11,12 @@ from viser import (
 
 from companion.config.settings import MISSION_KINDS, STANDOFFS
 from companion.config.team import TEAM_DRONES
-from companion.core.messages import Beam
-from companion.export.write import FORMATS
-from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
-from sitl.autopilot.firmware import Throttle
 from sitl.core.errors import SitlError
-from sitl.view.faults import FAULTS
-from sitl.view.flight_messages import Inject, TakeOver
+from sitl.view.action_controls import MODES, ActionControls
+from sitl.view.flight.messages import Inject
 from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest
 from sitl.world.loading import world_names
 
-MODES = {
-    "ardupilot": tuple(sorted(ARDUCOPTER_MODES.values())),
-    "px4": tuple(sorted(PX4_MODES.values())),
-}
-FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
-THROTTLES = tuple(throttle.value for throttle in Throttle)
 ADD, REMOVE = "Add UAV", "Remove UAV"
 FAST = 1000.0
 """Factor of real time that stands for as fast as possible. Chosen."""
@@ -40,7 +29,8 @@ class Controls:
     """Handles of all controls; the page connects them."""
 
     def __init__(self, gui: GuiApi) -> None:
-        with gui.add_folder("World"):
+        self.world = gui.add_folder("World")
+        with self.world:
             self.worlds = gui.add_button_group("built-in", world_names())
             self.file: GuiTextHandle = gui.add_text(
                 "file or name",
@@ -56,9 +46,7 @@ class Controls:
                 "speed", tuple(SPEEDS), initial_value=FIRST_SPEED, hint="Times real time"
             )
             self.stop = gui.add_button("Stop: land now", color="red")
-            self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", FORMATS)
-            self.download = gui.add_button("Download map", disabled=True)
-        with gui.add_folder("Display"):
+        with gui.add_folder("Display", expand_by_default=False):
             self.hide_truth = gui.add_checkbox("hide the truth", False)
             self.exaggeration: GuiSliderHandle[float] = gui.add_slider(
                 "2σ bands ×", 1.0, 20.0, 1.0, 5.0, hint="Scale of the drawn bands"
@@ -73,7 +61,7 @@ class Controls:
                 "speed, m/s", 0.1, 2.0, 0.1, 1.0
             )
             self.seed: GuiNumberHandle[int] = gui.add_number("seed", 1, min=0, step=1)
-        with gui.add_folder("Sensors and noise"):
+        with gui.add_folder("Sensors and noise", expand_by_default=False):
             self.profile: GuiDropdownHandle[str] = gui.add_dropdown("profile", PROFILES)
             self.range: GuiSliderHandle[float] = gui.add_slider(
                 "range, m", 1.0, 15.0, 0.5, 5.0, visible=False, hint="Of the profile own"
@@ -85,22 +73,9 @@ class Controls:
                 "odometry ×", 0.0, 4.0, 0.25, 1.0, hint="Factor on the reference noise"
             )
             self.autopilot: GuiDropdownHandle[str] = gui.add_dropdown("autopilot", tuple(MODES))
-        with gui.add_folder("Pilot and faults"):
-            self.mode: GuiDropdownHandle[str] = gui.add_dropdown(
-                "mode", MODES["ardupilot"], initial_value=FIRST_MODE["ardupilot"]
-            )
-            self.throttle: GuiDropdownHandle[str] = gui.add_dropdown(
-                "throttle", THROTTLES, hint="The pilot's stick; at low the drone sinks"
-            )
-            self.take_over: GuiButtonHandle = gui.add_button("Take over")
-            self.fault: GuiDropdownHandle[str] = gui.add_dropdown("fault", tuple(FAULTS))
-            self.beam: GuiDropdownHandle[str] = gui.add_dropdown(
-                "beam", tuple(beam.value for beam in Beam if beam is not Beam.BACK)
-            )
-            self.lasts: GuiNumberHandle[float] = gui.add_number(
-                "for, s", 2.0, min=0.0, max=600.0, step=0.5, hint="0: permanent"
-            )
-            self.inject: GuiButtonHandle = gui.add_button("Inject")
+        with gui.add_folder("Pilot and faults", expand_by_default=False):
+            self._action = ActionControls(gui, lambda: self.autopilot.value)
+            self.inject = self._action.inject
         self.profile.on_update(self._offer_own)
         self.autopilot.on_update(self._offer_modes)
 
@@ -110,8 +85,7 @@ class Controls:
         self.range.visible = self.sigma.visible = is_own
 
     def _offer_modes(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
-        self.mode.options = MODES[self.autopilot.value]
-        self.mode.value = FIRST_MODE[self.autopilot.value]  # type: ignore[misc]
+        self._action.offer()
 
     @property
     def most_drones(self) -> int:
@@ -142,11 +116,13 @@ class Controls:
     def times_real_time(self) -> float:
         return SPEEDS[self.speed.value]
 
-    def fault_to_inject(self, drone: int) -> Inject:
-        return Inject(drone, self.fault.value, self.beam.value, self.lasts.value or None)
+    def to_inject(self, drone: int) -> Inject:
+        """The selected action.
 
-    def mode_to_take(self, drone: int) -> TakeOver:
-        return TakeOver(drone, self.mode.value, self.throttle.value)
+        Raises:
+            SitlError: an argument is invalid.
+        """
+        return Inject(drone, self._action.name, self._action.arguments)
 
 
 def _standoff(text: str) -> float | str:

@@ -7,25 +7,28 @@ scores ─────────────┘                └──► or
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from pathlib import Path
 
-from companion.config.settings import Config
 from companion.core.errors import CompanionError
 from companion.core.frames import wrap_rad
 from companion.core.messages import FloorPlan
 from companion.view import downloads
 from companion.view.access.act_queue import ActQueue, Event
 from companion.view.access.server import PageServer
+from companion.view.playback import RECORDING_SUFFIX, playable
 from companion.view.scene.camera import PANEL_PX
+from companion.view.scene.card import Card, picture_of
 from companion.view.scene.instruments import PERIOD_S, Instruments, Member
+from companion.view.scene.plan import PlanView
+from companion.view.uploads import Uploads
 from sitl.core.errors import SitlError
 from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
 from sitl.view.controls import ADD, Controls
-from sitl.view.flight_messages import (
+from sitl.view.faults import action
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -35,37 +38,20 @@ from sitl.view.flight_messages import (
     Pace,
     Refused,
     Seen,
-    SeenDrone,
     Step,
 )
-from sitl.view.flight_process import FlightProcess
+from sitl.view.flight.outbox import later
+from sitl.view.flight.process import FlightProcess
 from sitl.view.live_score import LiveScore
-from sitl.view.outbox import later
+from sitl.view.shown import Shown
 from sitl.view.sides import Sides
 from sitl.world.format import World
 from sitl.world.loading import load_world
 
 NUMBERS_PERIOD_S = 0.2
 """Period of the numbers, s."""
-REMEMBERED = 1500
-"""Moments kept: more than a minute at 20 Hz."""
+FILES = "A world, a map (map.json), a plan or a mesh to fly in, or a recording to play"
 SELECTED = "The instruments show it; faults and the pilot's switch are for it"
-SPEED_OVER_S = 2.0
-"""Time over which the speed is measured, s."""
-
-
-@dataclass
-class Shown:
-    """The flight on the page."""
-
-    config: Config
-    take_offs: Sequence[TrueState]
-    """Of each drone."""
-    scoring: LiveScore
-    seen: deque[tuple[float, Seen]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    """Moments with their wall time, s."""
-    score: MapScore | None = None
-    plan: FloorPlan | None = None
 
 
 class Page:
@@ -75,7 +61,10 @@ class Page:
         WorldError: the first world is invalid.
     """
 
-    def __init__(self, server: PageServer, world: str) -> None:
+    def __init__(self, server: PageServer, world: str, uploads: Path) -> None:
+        """`uploads`: folder for files from the browser."""
+        self.instead: Path | None = None
+        """A recording from the browser, to be played instead."""
         first = load_world(world)
         self._server = server
         self._turns = ActQueue(server, (SitlError, CompanionError))
@@ -88,20 +77,26 @@ class Page:
         self._sides = Sides(server, first)
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
+        phone = server.gui.add_html("")
         self._controls = Controls(server.gui)
+        with self._controls.world:
+            Uploads(server.gui, self._turns, uploads, FILES, self._take_file)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
             self._selector = server.gui.add_dropdown("drone", ("1",), hint=SELECTED)
-            self._instruments = Instruments(server.gui)
+            self._instruments = Instruments(server.gui, phone)
+        with panel.add_tab("Plan"):
+            self._plan = PlanView(server.gui)
         panel.dock_right()
         panel.set_width(PANEL_PX)
+        self._card = Card(server.gui, self._send_map)
         self._connect_controls()
         self._show_world(world, first)
         self._hangar = FlightProcess(self._receive)
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Serve until `is_over`."""
-        self._turns.run(is_over, self._keep_up)
+        """Serve until `is_over`, or a recording is to be played."""
+        self._turns.run(lambda: is_over() or self.instead is not None, self._keep_up)
 
     def close(self) -> None:
         self._forget_flight()
@@ -122,18 +117,12 @@ class Page:
         controls.time.on_click(pressed(self._change_time))
         controls.speed.on_update(pressed(self._change_speed))
         controls.stop.on_click(pressed(self._stop))
-        controls.take_over.on_click(
-            pressed(lambda: self._order(controls.mode_to_take(self._selected)))
-        )
-        controls.inject.on_click(
-            pressed(lambda: self._order(controls.fault_to_inject(self._selected)))
-        )
+        controls.inject.on_click(pressed(self._inject))
         controls.hide_truth.on_update(pressed(self._hide_truth))
         controls.exaggeration.on_update(
             pressed(lambda: self._sides.exaggerate(controls.exaggeration.value))
         )
         controls.fit.on_click(pressed(self._sides.all_in_view))
-        controls.download.on_click(self._download)
 
     @property
     def _is_flying(self) -> bool:
@@ -149,11 +138,10 @@ class Page:
         self._show_numbers()
         self._plot()
 
-    def _order(self, *orders: Order) -> None:
+    def _order(self, order: Order) -> None:
         if not self._is_flying:
             raise SitlError("no flight is under way; press Start")
-        for order in orders:
-            self._hangar.order(order)
+        self._hangar.order(order)
 
     def _start(self) -> None:
         request = self._controls.request(self._world_name, self._drones)
@@ -166,44 +154,65 @@ class Page:
         receiver = self._score_receiver(self._flights)
         scoring = LiveScore(self._world, height_m, take_offs[0], receiver)
         self._shown = Shown(configs[0], take_offs, scoring)
+        self._shown.ask(self._controls.times_real_time)
         self._put(take_offs)
+
+    def _inject(self) -> None:
+        order = self._controls.to_inject(self._selected)
+        action(order.action, order.arguments)  # refused here rather than in flight
+        self._order(order)
 
     def _stop(self) -> None:
         """Land; time must pass for that."""
-        self._order(Land(), Pace(self._controls.times_real_time))
+        self._order(Land())
+        self._pace(self._controls.times_real_time)
 
     def _change_time(self) -> None:
         match self._controls.time.value:
             case "Pause":
-                self._order(Pace(0.0))
+                self._pace(0.0)
             case "Resume":
-                self._order(Pace(self._controls.times_real_time))
+                self._pace(self._controls.times_real_time)
             case _:
+                self._pace(0.0)
                 self._order(Step())
+
+    def _pace(self, speed: float) -> None:
+        self._order(Pace(speed))
+        if self._shown is not None:
+            self._shown.ask(speed)
 
     def _change_speed(self) -> None:
         if self._is_flying:
-            self._order(Pace(self._controls.times_real_time))
+            self._pace(self._controls.times_real_time)
 
     def _hide_truth(self) -> None:
         self._sides.hide_truth(hidden=self._controls.hide_truth.value)
         self._show_numbers()
         self._plot()
+        self._show_plan()
+        self._card.tell(self._result())
 
-    def _download(self, event: Event) -> None:
-        """Send the map, in viser's thread because drawing takes a second."""
+    def _send_map(self, event: Event, name: str) -> None:
+        """Send the map in a format, in viser's thread because drawing takes a second."""
         shown = self._shown
         if shown is None or shown.plan is None or event.client is None:
             return
-        link = shown.config.link
-        place = link.place
+        place = shown.config.link.place
         try:
-            title = self._world_name
-            downloads.send(event.client, shown.plan, self._controls.format.value, title, place)
+            downloads.send(event.client, shown.plan, name, self._world.name, place)
         except CompanionError as error:
             self._turns.complain(str(error), event.client)
 
     # The building and the drones before take-off
+
+    def _take_file(self, path: Path) -> None:
+        """Open a file from the browser: a recording, a world, or a map to fly in."""
+        if path.suffix == RECORDING_SUFFIX:
+            playable(path)
+            self.instead = path
+        else:
+            self._open_world(str(path))
 
     def _open_world(self, name: str) -> None:
         world = load_world(name)
@@ -251,6 +260,7 @@ class Page:
         self._selector.visible = len(numbers) > 1
         on_pads = [Member(number + 1, "on its pad", None) for number in range(len(take_offs))]
         self._instruments.tell_team(on_pads)
+        self._show_plan()
 
     def _forget_flight(self) -> None:
         if self._shown is None:
@@ -260,7 +270,7 @@ class Page:
         self._shown.scoring.end()
         self._shown = None
         self._instruments.clear()
-        self._controls.download.disabled = True
+        self._card.hide()
 
     # The flight
 
@@ -286,6 +296,7 @@ class Page:
         if self._shown is not None and flight == self._flights:
             self._shown.score = score
             self._show_numbers()
+            self._card.tell(self._result())
 
     def _see(self) -> None:
         with self._pending_lock:
@@ -323,11 +334,38 @@ class Page:
                 if drones:
                     self._shown.scoring.update(plan.walls, self._shown.take_offs[drones[0]])
                 self._sides.finish(plan, drones, last.drones)
-                self._controls.download.disabled = False
+                self._show_numbers()
+                self._show_plan()
+                self._deal(plan)
             case Ended():
                 pass
             case Refused(reason):
                 self._turns.complain(reason)
+
+    def _deal(self, plan: FloorPlan) -> None:
+        """Show the card once its picture is drawn, unless another flight has begun."""
+        flight = self._flights
+
+        def show(picture: bytes) -> None:
+            if self._shown is not None and flight == self._flights:
+                self._card.show(picture, self._result())
+
+        def draw() -> None:
+            picture = picture_of(plan)
+            self._turns.put(lambda: show(picture))
+
+        threading.Thread(target=draw, daemon=True).start()
+
+    def _result(self) -> dict[str, str]:
+        """Rows of the card."""
+        shown = self._shown
+        if shown is None or not shown.seen:
+            return {}
+        _, seen = shown.seen[-1]
+        drone = seen.drones[self._selected]
+        rows = {"ended": drone.snapshot.activity, "flight time": f"{drone.snapshot.time_s:.0f} s"}
+        rows |= self._sides.map_of(self._selected).in_numbers
+        return rows | ({} if self._controls.hide_truth.value else shown.truth_rows(drone))
 
     def _show_numbers(self) -> None:
         shown = self._shown
@@ -335,8 +373,8 @@ class Page:
             return
         _, seen = shown.seen[-1]
         drone = seen.drones[self._selected]
-        known = self._sides.map_of(self._selected).in_numbers | {"speed": self._speed(shown)}
-        truth = {} if self._controls.hide_truth.value else _truth_rows(shown.score, drone)
+        known = self._sides.map_of(self._selected).in_numbers | {"speed": shown.speed()}
+        truth = {} if self._controls.hide_truth.value else shown.truth_rows(drone)
         self._instruments.tell(drone.snapshot, known | truth)
         snapshots = [each.snapshot for each in seen.drones]
         self._instruments.tell_team([Member.of(snapshot) for snapshot in snapshots])
@@ -351,26 +389,9 @@ class Page:
         true_yaw_rad = [wrap_rad(seen.truth.yaw_rad - heading_rad) for seen in moments]
         snapshots = [seen.snapshot for seen in moments]
         self._instruments.plot(snapshots, None if is_hidden else true_yaw_rad)
+        self._show_plan()
 
-    @staticmethod
-    def _speed(shown: Shown) -> str:
-        """Speed over the last seconds, in times real time."""
-        last_wall_s, last = shown.seen[-1]
-        first_wall_s, first = next(
-            moment for moment in shown.seen if last_wall_s - moment[0] < SPEED_OVER_S
-        )
-        if last_wall_s <= first_wall_s:
-            return "–"
-        flown_s = last.time_s - first.time_s
-        return f"{flown_s / (last_wall_s - first_wall_s):.1f} × real time"
-
-
-def _truth_rows(score: MapScore | None, drone: SeenDrone) -> dict[str, str]:
-    rows = {"least clearance": f"{drone.clearance_m:.2f} m", "collisions": str(drone.collisions)}
-    if score is not None:
-        rows |= {
-            "coverage": f"{score.coverage:.0%}",
-            "wall error, aligned": f"{score.wall_error_aligned_cm:.1f} cm",
-            "in take-off frame": f"{score.wall_error_cm:.1f} cm",
-        }
-    return rows
+    def _show_plan(self) -> None:
+        seen = self._shown.seen[-1][1].drones if self._shown and self._shown.seen else ()
+        pose = seen[self._selected].snapshot.pose if seen else None
+        self._sides.draw_plan(self._plan, self._selected, pose)

@@ -3,9 +3,11 @@
 import math
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +17,23 @@ from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from benchmarks.pictures.browser import FLAGS
 from companion.view.scene.camera import PANEL_PX
 from tests.processes.started import read_until, started, stop
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, until
 
 CHROMIUM = "chromium"
 NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
 """Hides notifications: they cover the scene, and their size depends on fonts."""
 SIZE = {"width": 1000, "height": 480}
+SIZES = {"laptop": (1280, 720), "desktop": (1920, 1080), "phone": (390, 844)}
+"""Windows in which each state of a page is looked at, pixels."""
+BOXES = """elements => elements.map(element => {
+    const box = element.getBoundingClientRect();
+    return [box.left, box.top, box.right, box.bottom];
+})"""
+DROP = """([name, text]) => {
+    const dataTransfer = new DataTransfer();
+    dataTransfer.items.add(new File([text], name));
+    document.body.dispatchEvent(new DragEvent("drop", {dataTransfer, bubbles: true}));
+}"""
 expect.set_options(timeout=1000 * DEADLINE_S)
 
 
@@ -94,6 +107,63 @@ def text_field(page: Page, label: str) -> Locator:
 
 def press(page: Page, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).click()
+
+
+def looked_at(page: Page, state: str, folder: Path, *shown: str) -> None:
+    """Take a picture of the page in each size; fails if a text of `shown` is not in its window.
+
+    Of a window wider than a phone at least half shows the scene.
+    """
+    for name, (width_px, height_px) in SIZES.items():
+        page.set_viewport_size({"width": width_px, "height": height_px})
+        until(partial(_is_laid_out, page, shown), f"the layout on a {name}")
+        page.screenshot(path=folder / f"{state}_{name}.png", style=NO_NOTIFICATIONS)
+    page.set_viewport_size(SIZE)  # type: ignore[arg-type]
+
+
+def _is_laid_out(page: Page, shown: Sequence[str]) -> bool:
+    width_px, _ = _window_px(page)
+    has_room = width_px == SIZES["phone"][0] or scene_px(page) >= width_px // 2 - 20
+    return has_room and all(is_in_window(page, text) for text in shown)
+
+
+def is_in_window(page: Page, text: str) -> bool:
+    """True if one of the elements with this text is entirely in the window."""
+    width_px, height_px = _window_px(page)
+    boxes = page.get_by_text(text, exact=True).evaluate_all(BOXES)
+    return any(
+        0 <= left < right <= width_px and 0 <= top < bottom <= height_px
+        for left, top, right, bottom in boxes
+    )
+
+
+def _window_px(page: Page) -> tuple[int, int]:
+    width_px, height_px = page.evaluate("[innerWidth, innerHeight]")
+    return width_px, height_px
+
+
+def scene_px(page: Page) -> float:
+    """Width of the scene between the panels, pixels."""
+    boxes = [page.get_by_text(text, exact=True).first.bounding_box() for text in ("Start", "Plan")]
+    left, right = boxes
+    return right["x"] - left["x"] - left["width"] if left and right else 0.0
+
+
+def overlapping(page: Page, selector: str) -> int:
+    """Number of pairs of elements that lie on each other."""
+    boxes = np.array(page.locator(selector).evaluate_all(BOXES)).reshape(-1, 4)
+    before = boxes[:, None, :2] < boxes[None, :, 2:]
+    return int(np.triu((before & before.swapaxes(0, 1)).all(axis=2), 1).sum())
+
+
+def drop(page: Page, name: str, text: str) -> None:
+    """Drop a file on the page."""
+    page.evaluate(DROP, [name, text])
+
+
+def unfold(page: Page, folder: str) -> None:
+    """Open a folded part of a panel."""
+    page.get_by_text(folder, exact=True).click()
 
 
 def coloured(page: Page, from_share: float, to_share: float) -> int:

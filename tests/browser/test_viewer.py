@@ -15,13 +15,17 @@ from sitl.world.loading import world_names
 from tests.browser.browser import (
     chromium,
     coloured,
+    drop,
     has_row,
+    looked_at,
     number,
     opened,
+    overlapping,
     press,
     row,
     served,
     text_field,
+    unfold,
 )
 from tests.processes.started import (
     companion,
@@ -44,7 +48,7 @@ def browser() -> Iterator[Browser]:
 @contextmanager
 def simulator(browser: Browser, *arguments: str) -> Iterator[Page]:
     with (
-        served(sitl_command("view", *arguments, "--port", "0")) as address,
+        served(sitl_command("view", *arguments, "--port", "0", "--no-browser")) as address,
         opened(browser, address) as page,
     ):
         yield page
@@ -52,31 +56,47 @@ def simulator(browser: Browser, *arguments: str) -> Iterator[Page]:
 
 def test_the_page_starts_and_shows_a_flight(browser: Browser, tmp_path: Path) -> None:
     with simulator(browser, "office") as page:
+        expect(page).to_have_title("PDPS simulator")
         press(page, "room_100")
+        looked_at(page, "before", tmp_path, "Start", "Mission")
         choose(page, "speed", "10 ×")
         press(page, "Start")
         until(lambda: walls_m(page) > 1, "the first wall")
         before_m = walls_m(page)
         until(lambda: walls_m(page) > before_m + 5, "the map grows")
         until(lambda: coloured(page, 0.5, 1) > 500, "the map is drawn")
-
+        press(page, "Pause")
+        until(lambda: row(page, "speed") == "paused", "a pause")
+        looked_at(page, "flying", tmp_path, "doing", "battery", "coverage")
         assert number(page, "least clearance") > 0
+        unfold(page, "Display")
         page.get_by_label("hide the truth", exact=True).check()
         until(lambda: not has_row(page, "least clearance"), "no truth")
         until(lambda: coloured(page, 0, 0.45) < 50, "no true path")
         page.get_by_label("hide the truth", exact=True).uncheck()
+        choose(page, "speed", "all")
 
-        download = page.get_by_role("button", name="Download map")
-        expect(download).to_be_enabled()
+        expect(page.get_by_role("button", name="geojson")).to_be_visible()
         assert row(page, "doing") == "mission complete"
         until(lambda: number(page, "coverage") >= 95, "coverage")
         assert number(page, "wall error, aligned") < 6
-        choose(page, "map as", "json")
+        looked_at(page, "ended", tmp_path, "doing", "coverage")
         with page.expect_download() as waiting:
-            download.click()
+            press(page, "json")
         waiting.value.save_as(tmp_path / "map.json")
-        walls = json.loads((tmp_path / "map.json").read_text())["walls"]
-        assert len(walls) == 4
+        text = (tmp_path / "map.json").read_text()
+        assert len(json.loads(text)["walls"]) == 4
+
+        page.get_by_role("tab", name="Plan").click()
+        expect(page.locator(".pdps-plan .wall")).to_have_count(4)
+        expect(page.get_by_text("± 0.1")).to_have_count(4)
+        assert overlapping(page, ".pdps-plan text") == 0
+        drop(page, "map.json", text)
+        expect(page.locator(".pdps-plan .wall")).to_have_count(0)
+        expect(page.locator(".pdps-plan .true")).to_have_count(4)
+        expect(page.get_by_role("button", name="geojson")).to_have_count(0)
+        assert not has_row(page, "time")
+        until(lambda: coloured(page, 0.5, 1) < 50, "nothing of the last flight")
 
 
 def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
@@ -107,15 +127,18 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         until(lambda: number(page, "time") > paused_s, "a step")
         assert settled(page) == pytest.approx(paused_s + 0.05, abs=0.06)
 
-        choose(page, "fault", "sensor unplugged")
+        unfold(page, "Pilot and faults")
+        choose(page, "action", "unplug")
         press(page, "Inject")
         press(page, "Resume")
         until(lambda: has_row(page, "trouble"), "a fault")
-        choose(page, "speed", "1 ×")  # faster, the turn might end between two reads
         press(page, "Start")
         until(lambda: number(page, "time") < paused_s, "another flight")
+        until(lambda: number(page, "height") > 0.3, "a take-off")
+        choose(page, "speed", "1 ×")  # faster, the turn might end between two reads
         until(lambda: "turning 360°" in row(page, "doing"), "in the air again")
-        press(page, "Take over")
+        choose(page, "action", "pilot mode")
+        press(page, "Inject")
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over")
 
 
@@ -130,6 +153,7 @@ def test_the_page_offers_every_setting_and_stops_a_flight_of_a_team(browser: Bro
         text_field(page, "stand-off").fill("1.2")
         fill(page, "speed, m/s", "0.8")
         fill(page, "seed", "3")
+        unfold(page, "Sensors and noise")
         expect(page.get_by_text("range, m", exact=True)).to_be_hidden()
         choose(page, "profile", "own")
         fill(page, "range, m", "4")
@@ -147,7 +171,7 @@ def test_the_page_offers_every_setting_and_stops_a_flight_of_a_team(browser: Bro
         for plot in ("ranges, m", "heading, °", "gyro bias, °/s"):
             expect(page.get_by_text(plot, exact=True)).to_be_visible()
         press(page, "Stop: land now")
-        expect(page.get_by_role("button", name="Download map")).to_be_enabled()
+        expect(page.get_by_role("button", name="geojson")).to_be_visible()
         assert row(page, "doing") == "landed: landing was requested"
         press(page, "Remove UAV")
         expect(page.get_by_label("drone", exact=True)).to_be_hidden()
@@ -182,7 +206,7 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
     (recording,) = tmp_path.glob("*.mcap")
     end_s = flight.simulation.time_s
     with simulator(browser, str(recording)) as page:
-        expect(page.get_by_role("button", name="Download map")).to_be_enabled()
+        expect(page.get_by_role("button", name="geojson")).to_be_visible()
         press(page, "Play")
         until(lambda: walls_m(page) > 5, "walls")
         fill(page, "time, s", f"{end_s:.1f}")
@@ -196,7 +220,7 @@ def test_access_requires_the_token(browser: Browser, tmp_path: Path) -> None:
     token_file = tmp_path / "token"
     token_file.write_text(TOKEN)
     token_file.chmod(0o600)
-    options = ("--host", "0.0.0.0", "--token-file", str(token_file), "--port", "0")
+    options = ("--host", "0.0.0.0", "--token-file", str(token_file), "--port", "0", "--no-browser")
     with served(sitl_command("view", *options)) as address, browser.new_page() as stranger:
         here = address.replace("0.0.0.0", "127.0.0.1")
         refused = stranger.goto(here.partition("?")[0])
@@ -216,7 +240,7 @@ def test_the_page_shows_a_flying_drone(browser: Browser, tmp_path: Path) -> None
         drone = flying(mavlink_port, bus_port, tmp_path / "out", "--config", str(config))
         try:
             until(lambda: is_listening(port), "the feed")
-            command = companion("view", f"127.0.0.1:{port}", "--port", "0")
+            command = companion("view", f"127.0.0.1:{port}", "--port", "0", "--no-browser")
             with served(command) as address, opened(browser, address) as page:
                 until(lambda: walls_m(page) > 5, "walls")
                 until(lambda: coloured(page, 0, 1) > 300, "the map is drawn")

@@ -9,7 +9,8 @@ import pytest
 
 from companion.core.errors import ConfigError
 from sitl.simulation.lockstep import fly_in_lockstep
-from sitl.view.flight_messages import (
+from sitl.view.flight.flying import serve
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -20,10 +21,8 @@ from sitl.view.flight_messages import (
     Refused,
     Seen,
     Step,
-    TakeOver,
 )
-from sitl.view.flight_process import FlightProcess
-from sitl.view.flying import serve
+from sitl.view.flight.process import FlightProcess
 from sitl.view.request import OWN_PROFILE, FlightRequest
 from sitl.world.loading import load_world
 from tests.waiting import DEADLINE_S
@@ -77,11 +76,11 @@ def test_the_page_shows_pauses_steps_and_takes_over_a_flight() -> None:
     page.orders.send(Pace(0.0))
     page.orders.send(Step())
     page.orders.send(Step())
-    page.orders.send(Inject(0, "somebody in the way", "front", 1.0))
+    page.orders.send(Inject(0, "somebody_near", {"forward_m": 1.8, "for_s": 1.0}))
     page.orders.send(Pace(FAST))
     while seen.drones[0].truth.position_ned_m[2] > -1.0:
         seen = page.until(Seen)
-    page.orders.send(TakeOver(0, "LOITER"))
+    page.orders.send(Inject(0, "pilot_mode", {"name": "LOITER"}))
     ended = page.until(Ended)
     assert ended.endings == ("handed over: mode changed to LOITER",)
 
@@ -93,7 +92,7 @@ def test_orders_reach_the_selected_drone_of_a_team() -> None:
     while max(drone.truth.position_ned_m[2] for drone in seen.drones) > -1.0:
         seen = page.until(Seen)
     assert [drone.snapshot.drone for drone in seen.drones] == [1, 2]
-    page.orders.send(TakeOver(1, "LOITER"))
+    page.orders.send(Inject(1, "pilot_mode", {"name": "LOITER"}))
     while not seen.drones[1].snapshot.has_ended:
         seen = page.until(Seen)
     assert not seen.drones[0].snapshot.has_ended

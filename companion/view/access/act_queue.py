@@ -27,7 +27,7 @@ class ActQueue:
     ) -> None:
         """`refusals` are the errors that the page reports as a notification."""
         self._server = server
-        self._refusals = refusals
+        self.refusals = refusals
         self._acts: queue.SimpleQueue[Act] = queue.SimpleQueue()
 
     def put(self, act: Act) -> None:
@@ -60,5 +60,5 @@ class ActQueue:
     def _try(self, act: Act, client: ClientHandle | None) -> None:
         try:
             act()
-        except self._refusals as error:
+        except self.refusals as error:
             self.complain(str(error), client)

@@ -13,6 +13,7 @@ from websockets.asyncio import server as websocket_server
 
 from companion.core.errors import ViewError
 from companion.core.secret import is_loopback, needs_token, read_token
+from companion.view.access.branding import branded
 from companion.view.access.guard import Guard
 
 BRAND = (42, 157, 143)
@@ -40,7 +41,7 @@ def open_page(host: str, port: int, token_file: Path | None, title: str) -> tupl
     listener = _listen(host, port)
     port = listener.getsockname()[1]
     rich.get_console().quiet = True  # viser prints to this console
-    with _guarding(Guard(token, port), listener) as is_guarded:
+    with _guarding(Guard(token, port), listener, title) as is_guarded:
         server = PageServer("127.0.0.1", 0, label=title, verbose=False)
     if not is_guarded:
         server.stop()
@@ -74,8 +75,8 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 @contextmanager
-def _guarding(guard: Guard, listener: socket.socket) -> Iterator[list[bool]]:
-    """Pass our listener and guard to the server that viser starts.
+def _guarding(guard: Guard, listener: socket.socket, title: str) -> Iterator[list[bool]]:
+    """Pass our listener, guard and title to the server that viser starts.
 
     The list yielded is not empty once viser has used them.
     """
@@ -86,7 +87,7 @@ def _guarding(guard: Guard, listener: socket.socket) -> Iterator[list[bool]]:
         handler: Any, host: str, port: int, *, process_request: Any, **options: Any
     ) -> websocket_server.serve:
         is_guarded.append(True)
-        asked_first = guard.before(process_request)
+        asked_first = guard.before(branded(process_request, title))
         return serve(handler, sock=listener, process_request=asked_first, **options)
 
     websocket_server.serve = guarded  # type: ignore[assignment, misc]

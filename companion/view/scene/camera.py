@@ -17,6 +17,10 @@ MIN_ASPECT = 0.3
 """Smallest width to height of a window that is taken into account. Chosen."""
 PANEL_PX = 320
 """Width of the panels on both sides of the scene, pixels. Chosen."""
+PHONE_PX = 576
+"""Width of a window below which viser puts all panels into a sheet at the bottom, pixels: 36 em."""
+OVER_SHEET = 0.4
+"""Share of the height of such a window above the sheet."""
 MOVED_M = 0.1
 """Camera displacement above which the user has moved the camera, m. Chosen."""
 RESIZED = 0.02
@@ -31,6 +35,8 @@ class Framing:
         self._extent = least_ne_m, most_ne_m
         self._placed: dict[int, tuple[Vector3, float]] = {}
         """Camera position (ENU, m) set for each client, and its window's width to height."""
+        self._phones: set[int] = set()
+        """Clients whose lower part is under a sheet."""
         server.on_client_connect(self._welcome)
         server.on_client_disconnect(self._forget)
 
@@ -43,6 +49,9 @@ class Framing:
             self._place(client)
 
     def _welcome(self, client: ClientHandle) -> None:
+        # the panels have not opened, so the scene is as wide as the window
+        if client.camera.image_width < min(PHONE_PX, client.camera.image_height):
+            self._phones.add(client.client_id)
         self._place(client)
         client.camera.on_update(lambda camera: self._follow_window(client, camera))
 
@@ -61,7 +70,8 @@ class Framing:
 
     def _place(self, client: ClientHandle) -> None:
         camera = client.camera
-        centre, distance_m = _framed(*self._extent, camera.aspect)
+        share = OVER_SHEET if client.client_id in self._phones else 1.0
+        centre, distance_m = _framed(*self._extent, camera.aspect, share)
         eye = _eye(centre, distance_m)
         self._placed[client.client_id] = eye, camera.aspect
         with client.atomic():
@@ -70,8 +80,13 @@ class Framing:
             camera.look_at = centre
 
 
-def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vector3, float]:
-    """Centre (ENU, m), and the camera distance that has the whole rectangle in view, m."""
+def _framed(
+    least_ne_m: Vector2, most_ne_m: Vector2, aspect: float, share: float
+) -> tuple[Vector3, float]:
+    """Point looked at (ENU, m), and its distance from the camera, m.
+
+    The whole rectangle is in view, in the upper `share` of the window.
+    """
     (south, west), (north, east) = least_ne_m, most_ne_m
     deep_m = max(north - south, MIN_EXTENT_M)
     wide_m = max(east - west, MIN_EXTENT_M)
@@ -79,8 +94,10 @@ def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vec
     # the near edge is closer to the camera than the centre and appears wider
     nearer_m = 0.5 * deep_m * math.cos(ELEVATION_RAD)
     for_width_m = 0.5 * wide_m / (half * max(aspect, MIN_ASPECT)) + nearer_m
-    for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / half + nearer_m
-    return ((west + east) / 2, (south + north) / 2, 0.0), 1.08 * max(for_width_m, for_depth_m)
+    for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / (half * share) + nearer_m
+    distance_m = 1.08 * max(for_width_m, for_depth_m)
+    below_m = (1 - share) * half * distance_m / math.sin(ELEVATION_RAD)
+    return ((west + east) / 2, (south + north) / 2 - below_m, 0.0), distance_m
 
 
 def _eye(centre: Vector3, distance_m: float) -> Vector3:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from viser import GuiApi, GuiUplotHandle, uplot
+from viser import GuiApi, GuiHtmlHandle, GuiUplotHandle, uplot
 
 from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeReading
@@ -24,6 +24,10 @@ PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
 HEIGHT_PX = 150
 """Height of a plot, pixels. Chosen."""
+PHONE_ONLY = """<style>@media (min-width: 36em) {{.pdps-phone {{display: none}}}}</style>
+<div class="pdps-phone">{}</div>"""
+"""Shows its content only where viser puts all panels into one sheet, of which the controls are the
+upper part."""
 MAX_RANGE_M = 8.0
 """Upper end of the axis of ranges, m. Chosen."""
 BIAS_DEG_S = (-1.0, 1.0)
@@ -52,7 +56,9 @@ class Member:
 class Instruments:
     """A table of numbers, to which callers add rows, and three plots of the last minute."""
 
-    def __init__(self, gui: GuiApi) -> None:
+    def __init__(self, gui: GuiApi, phone: GuiHtmlHandle) -> None:
+        """`phone`: where a phone shows the numbers."""
+        self._phone = phone
         self._team = gui.add_html("", visible=False)
         self._table = gui.add_html("")
         gui.add_html(_legend())
@@ -64,7 +70,7 @@ class Instruments:
 
     def clear(self) -> None:
         """Show no flight."""
-        self._table.content = ""
+        self._table.content = self._phone.content = ""
         for plot in (self._ranges, self._yaw, self._bias):
             plot.data = tuple(
                 np.full(1, math.nan) if number else np.zeros(1) for number in range(len(plot.data))
@@ -87,7 +93,8 @@ class Instruments:
             "battery": _charge(snapshot.battery),
             **more,
         }
-        self._table.content = _html_table(rows)
+        self._table.content = table = _html_table(rows)
+        self._phone.content = PHONE_ONLY.format(table)
 
     def plot(self, window: Sequence[Snapshot], true_yaw_rad: Sequence[float] | None = None) -> None:
         """Plot the last minute of the snapshots, which are in order of time.

@@ -1,15 +1,16 @@
 """Draws the map and its uncertainty, walls of earlier flights, the path and the drone."""
 
-import math
 import time
 from collections.abc import Sequence
 
 import numpy as np
-from viser import LabelHandle, PointCloudHandle, ViserServer
+from viser import PointCloudHandle, ViserServer
 
 from companion.core.arrays import Array
-from companion.core.frames import Vector2, Vector3, ned_to_enu
+from companion.core.frames import Vector2, Vector3, frd_to_ned, ned_to_enu
 from companion.core.messages import Sketch, WallSegment
+from companion.mapping.wall_lengths import TOLERANCE_SIGMAS, length_sigmas_m
+from companion.view.scene.labels import Label, Labels
 from companion.view.scene.shapes import (
     MIN_THICKNESS_M,
     SHOWN_HEIGHT_M,
@@ -35,10 +36,10 @@ LABELLED_FROM_M = 1.5
 """Shortest wall with a label, m. Chosen."""
 MAX_LABELS = 60
 """Largest number of labels. Chosen."""
-LABELS_APART_M = 1.0
-"""Smallest distance between two labels, m. Chosen."""
 LABEL_SCALE = 1.2
 """Size of labels relative to viser's default. Chosen."""
+LABEL_UP_M = 0.1
+"""Height of a label above its wall, m. Chosen."""
 LABEL_PERIOD_S = 2.0
 """Wall-clock time between updates of labels, s. Chosen: text loads a browser heavily."""
 POINT_COLOUR = (84, 98, 111)
@@ -51,7 +52,9 @@ EARLIER_SHARE = 0.5
 class MappedSide:
     """Walls, exaggerated 2σ bands, hits, path and drone."""
 
-    def __init__(self, server: ViserServer, colour: Colour, name: str = "/mapped") -> None:
+    def __init__(
+        self, server: ViserServer, labels: Labels, colour: Colour, name: str = "/mapped"
+    ) -> None:
         """`colour`: of path and drone."""
         scene = server.scene
         self._server = server
@@ -71,7 +74,8 @@ class MappedSide:
         )
         self._path = Trail(scene, f"{name}/path", colour)
         self._drone = Drone(scene, f"{name}/drone", colour)
-        self._labels: dict[int, LabelHandle] = {}
+        self._labels = labels
+        self._origin_ned_m, self._heading_rad = (0.0, 0.0, 0.0), 0.0
         self.wall_colour: Colour | None = None
         """Colour of walls and points, without labels; None: walls by standard deviation."""
         self._sketch = Sketch()
@@ -80,6 +84,7 @@ class MappedSide:
 
     def place(self, origin_ned_m: Vector3, heading_rad: float) -> None:
         """Set the take-off position (NED, m) and heading (rad) of the map in the scene."""
+        self._origin_ned_m, self._heading_rad = origin_ned_m, heading_rad
         self._frame.position = ned_to_enu(origin_ned_m)
         self._frame.wxyz = about_up(-heading_rad)
 
@@ -103,6 +108,11 @@ class MappedSide:
         if snapshot.sketch is not None:
             self._path.show(snapshot.sketch.path_ned_m)
         self._path.extend(here)
+
+    @property
+    def sketch(self) -> Sketch:
+        """The map shown."""
+        return self._sketch
 
     @property
     def walls(self) -> tuple[WallSegment, ...]:
@@ -145,27 +155,26 @@ class MappedSide:
                 self._label(sketch.walls if self.wall_colour is None else (), top_m)
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
-        """Label long walls above their middle with length and standard deviation."""
-        labelled = _apart(sorted(walls, key=lambda wall: -wall.length_m))
-        for number, wall in enumerate(labelled):
-            text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
-            place = ned_to_enu((*_middle(wall), -top_m - 0.1))
-            label = self._labels.get(number)
-            if label is None:
-                self._labels[number] = self._server.scene.add_label(
-                    f"{self._name}/labels/{number}",
-                    text,
-                    position=place,
-                    anchor="bottom-center",
-                    font_screen_scale=LABEL_SCALE,
-                )
-                continue
-            label.visible = True
-            if label.text != text:
-                label.text = text
-            label.position = place
-        for number in range(len(labelled), len(self._labels)):
-            self._labels[number].visible = False
+        """Label long walls above their middle with length and tolerance; the longest come first."""
+        both = sorted(
+            zip(walls, length_sigmas_m(walls), strict=True), key=lambda it: -it[0].length_m
+        )
+        labels = [
+            Label(
+                f"{wall.length_m:.2f} ± {TOLERANCE_SIGMAS * sigma_m:.2f} m",
+                self._in_scene((*_middle(wall), -top_m - LABEL_UP_M)),
+                LABEL_SCALE,
+            )
+            for wall, sigma_m in both[:MAX_LABELS]
+            if wall.length_m >= LABELLED_FROM_M
+        ]
+        self._labels.show(self._name.strip("/"), labels)
+
+    def _in_scene(self, place_ned_m: Vector3) -> Vector3:
+        """From the frame of the map, NED, to the scene, ENU."""
+        north_m, east_m = frd_to_ned(*place_ned_m[:2], self._heading_rad)
+        north_0_m, east_0_m, down_0_m = self._origin_ned_m
+        return ned_to_enu((north_0_m + north_m, east_0_m + east_m, down_0_m + place_ned_m[2]))
 
 
 def colours_of(sigmas_m: Array) -> Array:
@@ -173,18 +182,6 @@ def colours_of(sigmas_m: Array) -> Array:
     steps_m = np.linspace(0, UNSURE_M, len(SIGMA_COLOURS))
     channels = np.array(SIGMA_COLOURS, dtype=float).T
     return np.column_stack([np.interp(sigmas_m, steps_m, channel) for channel in channels])
-
-
-def _apart(walls: list[WallSegment]) -> list[WallSegment]:
-    """Select long walls whose labels do not overlap."""
-    labelled: list[WallSegment] = []
-    for wall in walls:
-        is_free = all(
-            math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in labelled
-        )
-        if wall.length_m >= LABELLED_FROM_M and is_free and len(labelled) < MAX_LABELS:
-            labelled.append(wall)
-    return labelled
 
 
 def _middle(wall: WallSegment) -> Vector2:

@@ -4,11 +4,14 @@ from collections.abc import Sequence
 
 from companion.core.frames import Vector2
 from companion.core.messages import Sketch
+from companion.export.colours import flight_colour
 from companion.team.teammate import Heard
 from companion.view.access.server import PageServer
 from companion.view.scene.camera import PANEL_PX, Framing
 from companion.view.scene.instruments import Instruments, Member
+from companion.view.scene.labels import Labels
 from companion.view.scene.mapped import MappedSide, extent_ne_m
+from companion.view.scene.plan import PlanView
 from companion.view.scene.shapes import Drone, drone_colour
 from companion.view.snapshot import Snapshot
 
@@ -20,14 +23,18 @@ class Screen:
         self._server = server
         self._mapped: MappedSide | None = None
         """None before the drone's number, which determines its colour, is known."""
+        self._labels = Labels(server)
         self._exaggeration = 5.0
         self._mates: dict[int, Drone] = {}
         """Teammates by number."""
+        phone = server.gui.add_html("")
         server.gui.main_panel.dock_left()
         server.gui.main_panel.set_width(PANEL_PX)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
-            self._instruments = Instruments(server.gui)
+            self._instruments = Instruments(server.gui, phone)
+        with panel.add_tab("Plan"):
+            self._plan = PlanView(server.gui)
         panel.dock_right()
         panel.set_width(PANEL_PX)
         self._extent = extent_ne_m(Sketch())
@@ -35,7 +42,8 @@ class Screen:
 
     def show(self, snapshot: Snapshot) -> None:
         if self._mapped is None:
-            self._mapped = MappedSide(self._server, drone_colour(snapshot.drone - 1))
+            colour = drone_colour(snapshot.drone - 1)
+            self._mapped = MappedSide(self._server, self._labels, colour)
             self._mapped.exaggerate(self._exaggeration)
         with self._server.atomic():
             self._mapped.show(snapshot)
@@ -61,6 +69,9 @@ class Screen:
 
     def plot(self, window: Sequence[Snapshot]) -> None:
         self._instruments.plot(window)
+        if self._mapped is not None and window:
+            last = window[-1]
+            self._plan.show(self._mapped.sketch, last.pose, flight_colour(last.drone - 1))
 
     def exaggerate(self, times: float) -> None:
         self._exaggeration = times

@@ -2,7 +2,8 @@
 
     {"name": ..., "units": "m", "walls": [[x1, y1, x2, y2], ...]}
 
-x is east and y is north, m. There are no heights: walls reach a ceiling at 2.6 m. Real plans repeat
+x is east and y is north, m. A map of the companion, `map.json`, has walls from `start_ne_m` to
+`end_ne_m` instead. There are no heights: walls reach a ceiling at 2.6 m. Real plans repeat
 segments, cross them and leave gaps. Unusable walls are dropped and counted.
 """
 
@@ -38,9 +39,10 @@ def load_segments(path: Path, report: Callable[[str], None]) -> World:
         raise WorldError(f"{path}: walls: a list of [x1, y1, x2, y2] is needed")
     if len(walls) > MAX_WALLS:
         raise WorldError(f"{path}: walls: {len(walls)} are too many, {MAX_WALLS} at most")
-    if record.get("units", "m") != "m":
-        raise WorldError(f"{path}: units = {record['units']!r}: should be 'm'")
-    good = _mended(walls, report)
+    units = record.get("units", "m")
+    if units != "m" and not isinstance(units, dict):  # a map has units of other quantities, too
+        raise WorldError(f"{path}: units = {units!r}: should be 'm'")
+    good = _mended([_as_list(wall) for wall in walls], report)
     if not good:
         raise WorldError(f"{path}: walls: none of {len(walls)} is usable")
     return World.model_validate(
@@ -61,6 +63,15 @@ def _read(path: Path) -> dict[str, Any]:
     if not isinstance(record, dict):
         raise WorldError(f"{path}: not a plan: an object with walls is needed")
     return record
+
+
+def _as_list(wall: Any) -> Any:
+    """A wall of a map as x1, y1, x2, y2; others are left as they are."""
+    match wall:
+        case {"start_ne_m": [north_a, east_a], "end_ne_m": [north_b, east_b]}:
+            return [east_a, north_a, east_b, north_b]
+        case _:
+            return wall
 
 
 def _mended(walls: list[Any], report: Callable[[str], None]) -> list[Number]:

@@ -16,7 +16,7 @@ from companion.config.settings import Config
 from companion.core.errors import OutputError, RehearsalError
 from companion.link.transports.transport import direct_pair
 from companion.recording import room
-from companion.run.rehearsed import passed_now, store, valid_pass
+from companion.run.preflight.rehearsed import passed_now, store, valid_pass
 from sitl.autopilot.firmware import Throttle
 from sitl.simulation.lockstep import LockstepClock
 from sitl.simulation.simulation import Setup, Simulation

@@ -38,7 +38,8 @@ STUB = """#!/bin/sh
 # Stands for python3: makes a venv of itself, installs nothing
 case "$1 $2" in
     "-m venv") mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
-    "-m pip" | "-m ensurepip") ;;
+    "-m pip") echo "$@" >> "@PACKAGES@/pip.txt" ;;
+    "-m ensurepip") ;;
     "-c import sysconfig; print"*) echo "@PACKAGES@" ;;
     *) exec @PYTHON@ "$@" ;;
 esac
@@ -158,8 +159,12 @@ def test_installing_again_changes_nothing_and_keeps_the_configuration(
     assert "companion check" in install(root, stub)
     (root / "etc/pdps/drone.toml").write_text("# mine\n")
     first = files(root)
-    install(root, stub)
+    install(root, stub, "--extra", "foxglove,team")
     assert files(root) == first
+    installed = (tmp_path / "packages" / "pip.txt").read_text().splitlines()
+    assert [line.rpartition(" ")[2] for line in installed] == [
+        f"{DEPLOY.parent}{extras}" for extras in ("", "[foxglove,team]")
+    ]
     assert first["etc/pdps/drone.toml"] == b"# mine\n"
     config = first["boot/firmware/config.txt"].decode().splitlines()
     assert config.count("dtparam=spi=on") == 1

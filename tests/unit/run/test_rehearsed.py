@@ -11,9 +11,9 @@ from companion.config.settings import Config
 from companion.core.errors import LinkError, RehearsalError, SensorError
 from companion.link.transports.transport import direct_pair
 from companion.run import hardware
-from companion.run.bus_time import refuse_slow_bus
 from companion.run.hardware import open_rig
-from companion.run.rehearsed import (
+from companion.run.preflight.bus_time import refuse_slow_bus
+from companion.run.preflight.rehearsed import (
     RehearsalPass,
     passed_now,
     refuse_unrehearsed,

@@ -7,9 +7,11 @@ from companion.core.messages import Beam, Sketch
 from companion.drivers.models import range_models
 from companion.view.snapshot import Snapshot
 from sitl.core.truth import TrueState
-from sitl.view.flight_messages import Seen, SeenDrone
-from sitl.view.outbox import later
+from sitl.view.flight.messages import Seen, SeenDrone
+from sitl.view.flight.outbox import later
+from sitl.view.live_score import LiveScore
 from sitl.view.request import OWN_PROFILE, FlightRequest
+from sitl.view.shown import Shown
 from sitl.world.loading import load_world
 
 ROOM = load_world("room_100")
@@ -49,3 +51,17 @@ def test_a_team_has_the_sensors_that_the_page_selects() -> None:
 def test_a_mission_that_a_team_does_not_fly_is_refused() -> None:
     with pytest.raises(ConfigError, match="is not flown by a team of 3"):
         FlightRequest("room_100", mission="room", drones=3).setups(ROOM)
+
+
+def test_the_speed_says_why_it_is_lower_than_asked_for() -> None:
+    _, [config] = FlightRequest("room_100").setups(ROOM)
+    shown = Shown(config, [HERE], LiveScore(ROOM, 1.2, HERE, lambda score: None))
+    shown.scoring.end()
+    shown.asked, shown.asked_wall_s = 5.0, 100.0
+    for wall_s, time_s in ((99.0, 0.0), (100.5, 10.0), (101.5, 13.1), (102.4, 15.89)):
+        shown.seen.append((wall_s, moment(time_s)))
+    assert shown.speed() == "3.1 of 5 × real time: the processor is busy"
+    shown.asked = 3.0
+    assert shown.speed() == "3.1 × real time"
+    shown.asked = 0.0
+    assert shown.speed() == "paused"

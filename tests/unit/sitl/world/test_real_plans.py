@@ -34,6 +34,12 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
     assert north_m + south_m == pytest.approx(4)
 
 
+def test_a_map_of_the_companion_is_a_plan(tmp_path: Path) -> None:
+    walls = [{"start_ne_m": [y1, x1], "end_ne_m": [y2, x2]} for x1, y1, x2, y2 in SQUARE]
+    mapped = load_world(write(tmp_path, walls, units={"length": "m"}))
+    assert mapped.walls == load_world(write(tmp_path, SQUARE)).walls
+
+
 def test_unusable_walls_are_left_out_and_reported(tmp_path: Path) -> None:
     reports: list[str] = []
     no_numbers = [[float("nan"), 0, 1, 1], [10**400, 0, 1, 1], [1, 2], "x"]

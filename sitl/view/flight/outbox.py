@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
-from sitl.view.flight_messages import News, Seen, SeenDrone
+from sitl.view.flight.messages import News, Seen, SeenDrone
 
 
 class Outbox:

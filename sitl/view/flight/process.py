@@ -6,8 +6,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
-from sitl.view.flight_messages import News, Order, Refused
-from sitl.view.flying import serve
+from sitl.view.flight.flying import serve
+from sitl.view.flight.messages import News, Order, Refused
 
 END_TIMEOUT_S = 5.0
 """Longest wait for the process to end, s. Chosen."""

@@ -17,11 +17,10 @@ from sitl.simulation.fleet import Fleet
 from sitl.simulation.simulation import Simulation
 from sitl.simulation.team import fly_team_in_lockstep
 from sitl.simulation.team_radio import TeamAir
-from sitl.testing.actions.action import Action
-from sitl.testing.actions.vehicle import pilot_mode
+from sitl.testing.actions.vehicle import ModeError
 from sitl.testing.script import Event, Play
-from sitl.view.faults import FAULTS
-from sitl.view.flight_messages import (
+from sitl.view.faults import action
+from sitl.view.flight.messages import (
     Begin,
     Ended,
     GiveUp,
@@ -33,9 +32,8 @@ from sitl.view.flight_messages import (
     Seen,
     SeenDrone,
     Step,
-    TakeOver,
 )
-from sitl.view.outbox import Outbox
+from sitl.view.flight.outbox import Outbox
 from sitl.world.loading import load_world
 
 SEEN_PERIOD_S = 0.05
@@ -150,7 +148,10 @@ class PacedFlight:
             self._execute(self._orders.recv(), fleet.time_s)
         self._is_stepping = False
         for drone, play in self._scripts:
-            play(*self._parts[drone])
+            try:
+                play(*self._parts[drone])
+            except ModeError as error:  # of the other autopilot
+                self._outbox.put(Refused(str(error)))
 
     def _wait_s(self, time_s: float) -> float | None:
         """Time to wait for orders before the tick, s; None: until there is one."""
@@ -179,14 +180,9 @@ class PacedFlight:
                 self._is_stepping = True
             case Land():
                 self.is_to_land = True
-            case TakeOver(drone, mode, throttle):
-                self._add(drone, pilot_mode(mode, throttle))
-            case Inject(drone, fault, beam, for_s):
-                simulation, _ = self._parts[drone]
-                self._add(drone, FAULTS[fault](simulation, beam, for_s))
-
-    def _add(self, drone: int, action: Action) -> None:
-        self._scripts.append((drone, Play([Event(_at_once, action)])))
+            case Inject(drone, name, arguments):
+                event = Event(_at_once, action(name, arguments))
+                self._scripts.append((drone, Play([event])))
 
     # After each tick
 

@@ -1,5 +1,6 @@
 """Messages between the page and the process that flies: orders one way, news the other."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from companion.core.messages import FloorPlan
@@ -42,25 +43,15 @@ class Land:
 
 
 @dataclass(frozen=True, slots=True)
-class TakeOver:
-    """Set the pilot's mode switch and throttle stick, "low" or "mid", of one drone, from 0."""
-
-    drone: int
-    mode: str
-    throttle: str = "low"
-
-
-@dataclass(frozen=True, slots=True)
 class Inject:
-    """Inject a fault by its name in `faults.FAULTS`; `for_s` None is permanent."""
+    """Carry out an action of `sitl.testing` on one drone, from 0."""
 
     drone: int
-    fault: str
-    beam: str
-    for_s: float | None
+    action: str
+    arguments: Mapping[str, object]
 
 
-Order = Begin | GiveUp | Pace | Step | Land | TakeOver | Inject
+Order = Begin | GiveUp | Pace | Step | Land | Inject
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Flies what the page asks for, in a process of its own."""
