@@ -3,11 +3,12 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from companion.config.settings import Config
 from companion.drivers.autopilot_gyro import AutopilotGyro
-from companion.drivers.gyro import calibrated, open_gyro
+from companion.drivers.gyro import Gyro, calibrated, open_gyro
 from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
@@ -29,18 +30,22 @@ from companion.team.radio import NoRadio, TeamRadio
 from companion.team.zenoh_radio import open_team_radio
 
 
-def make_rig(
-    config: Config,
-    transport: Transport,
-    wires: Wires,
-    clock: Clock,
-    radio: TeamRadio | None = None,
-    *,
-    needs_pilot: bool = False,
-) -> Rig:
-    """Create sensors, gyro and link; sensors of the autopilot receive their data from the link.
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """All sensors of a drone, and what of them receives the autopilot's messages."""
 
-    `needs_pilot`: the vehicle is ready only while a pilot could take it over.
+    ranges: RangeSensors
+    gyro: Gyro
+    listeners: tuple[Listener, ...]
+
+    def sweep(self, now_s: float) -> None:
+        """Read all sensors, as in a tick."""
+        self.gyro.read(now_s)
+        self.ranges.read(now_s)
+
+
+def open_sensors(config: Config, wires: Wires) -> Sensors:
+    """Open range sensors and gyro.
 
     Raises:
         SensorError: a sensor is missing or is of another type than configured.
@@ -52,11 +57,41 @@ def make_rig(
         listeners.append(ranges.from_autopilot)
     if isinstance(gyro, AutopilotGyro):
         listeners.append(gyro)
+    return Sensors(ranges, calibrated(gyro, config.sensors), tuple(listeners))
+
+
+def make_rig(
+    config: Config,
+    transport: Transport,
+    wires: Wires,
+    clock: Clock,
+    radio: TeamRadio | None = None,
+) -> Rig:
+    """Create sensors, gyro and link; sensors of the autopilot receive their data from the link.
+
+    Raises:
+        SensorError: a sensor is missing or is of another type than configured.
+    """
+    return rig_of(config, transport, open_sensors(config, wires), clock, radio or NoRadio())
+
+
+def rig_of(
+    config: Config,
+    transport: Transport,
+    sensors: Sensors,
+    clock: Clock,
+    radio: TeamRadio,
+    *,
+    needs_pilot: bool = False,
+) -> Rig:
+    """Create the link of open sensors.
+
+    `needs_pilot`: the vehicle is ready only while a pilot could take it over.
+    """
     fence = fence_to_set(config)
-    link = Link(transport, config.link, listeners, needs_pilot=needs_pilot, fence=fence)
+    link = Link(transport, config.link, sensors.listeners, needs_pilot=needs_pilot, fence=fence)
     reports = Reports(config.link, range_models(config.sensors))
-    sensors = ranges, calibrated(gyro, config.sensors)
-    return Rig(link, *sensors, clock, reports, radio or NoRadio())
+    return Rig(link, sensors.ranges, sensors.gyro, clock, reports, radio)
 
 
 def fence_to_set(config: Config) -> Fence | None:
@@ -93,21 +128,15 @@ def open_rig(
         closing(open_clock(config, transport, warn)) as clock,
         open_team_radio(config.team) as radio,
     ):
+        sensors = open_sensors(config, wires)
         is_real = not config.sensors.is_simulated
         if is_real and not skip_rehearsal:
             refuse_unrehearsed(config, transport, clock)
+        if is_real:
+            refuse_slow_bus(sensors.sweep, clock, config.sensors.bus)
         recorder: Recorder = NOT_RECORDED
         if out is not None:
             recorder = open_recorder(out, config, time.time(), warn, earlier=earlier)
         needs_pilot = is_real and config.preflight.transmitter
         link = recorder.tap(transport)
-        rig = make_rig(config, link, wires, clock, radio, needs_pilot=needs_pilot)
-        if is_real:
-            refuse_slow_bus(lambda now_s: _sweep(rig, now_s), clock, config.sensors.bus)
-        yield rig, recorder
-
-
-def _sweep(rig: Rig, now_s: float) -> None:
-    """Read all sensors, as in a tick."""
-    rig.gyro.read(now_s)
-    rig.ranges.read(now_s)
+        yield rig_of(config, link, sensors, clock, radio, needs_pilot=needs_pilot), recorder

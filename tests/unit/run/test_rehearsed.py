@@ -123,9 +123,9 @@ class Opening:
         drone = Drone(self.config)
         self.asked: list[str] = []
         self.needs_pilot: list[bool] = []
-        made = hardware.make_rig
+        made = hardware.rig_of
 
-        def make_rig(*arguments: Any, needs_pilot: bool) -> Any:
+        def rig_of(*arguments: Any, needs_pilot: bool) -> Any:
             self.needs_pilot.append(needs_pilot)
             return made(*arguments, needs_pilot=needs_pilot)
 
@@ -135,7 +135,7 @@ class Opening:
         monkeypatch.setattr(hardware, "open_transport", lambda *_: drone.transport)
         monkeypatch.setattr(hardware, "open_bus", lambda _: wires)
         monkeypatch.setattr(hardware, "open_clock", lambda *_: drone.clock)
-        monkeypatch.setattr(hardware, "make_rig", make_rig)
+        monkeypatch.setattr(hardware, "rig_of", rig_of)
         monkeypatch.setattr(hardware, "refuse_unrehearsed", lambda *_: self.asked.append("pass"))
 
     def open(self, *, skip_rehearsal: bool = False) -> None:
@@ -147,6 +147,17 @@ def test_real_sensors_need_a_pass_and_a_pilot(monkeypatch: pytest.MonkeyPatch) -
     real = Opening(monkeypatch, "/dev/i2c-1")
     real.open()
     assert (real.asked, real.needs_pilot) == (["pass"], [True])
+
+
+def test_a_missing_sensor_is_told_before_a_missing_rehearsal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a laptop the remedy is the simulator."""
+    laptop = Opening(monkeypatch, "/dev/i2c-1")
+    laptop.config = Config.model_validate({"sensors": {"gyro_address": 0x6A}})
+    with pytest.raises(SensorError):
+        laptop.open()
+    assert laptop.asked == []
 
 
 def test_a_rehearsal_is_skipped_only_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
