@@ -70,7 +70,7 @@ put_files() {
     install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
     install -m 644 "$here/pdps-companion.service" "$here/pdps-recover.service" \
         "$root/etc/systemd/system/"
-    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here"/../docs/*.md \
+    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here/mounting.svg" "$here"/../docs/*.md \
         "$root/opt/pdps/docs/"
 }
 
@@ -108,5 +108,7 @@ print(version("pdps-companion"))')
   1. set the wiring of the sensors in /etc/pdps/drone.toml
   2. reboot, if this was the first time
   3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml
-  4. sudo systemctl start pdps-companion    the drone takes off
+  4. propellers off: sudo -u pdps /opt/pdps/venv/bin/companion fly --rehearse \
+         --config /etc/pdps/drone.toml --out /var/lib/pdps/map
+  5. sudo systemctl start pdps-companion    the drone takes off
 END

@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from companion.config.settings import Config, ViewConfig
+from companion.config.settings import Config
+from companion.config.view import ViewConfig
 from companion.core.messages import (
     Beam,
     GyroSample,

@@ -29,6 +29,10 @@ class RecordingError(CompanionError, OSError):
     """A recording cannot be written or read."""
 
 
+class RehearsalError(CompanionError, RuntimeError):
+    """A real drone has not passed the rehearsal of this flight."""
+
+
 class SurveyError(CompanionError, ValueError):
     """Flights cannot be made into one map."""
 

@@ -13,6 +13,7 @@ from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
 from companion.drivers.wires.opening import open_bus
 from companion.earlier import EarlierFlights
+from companion.link.firmware import Fence
 from companion.link.link import Link, Listener
 from companion.link.link_budget import require_capacity
 from companion.link.reports import Reports
@@ -22,6 +23,8 @@ from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.recording.room import refuse_no_room
 from companion.run.clocks import Clock, open_clock
 from companion.run.loop import Rig
+from companion.run.preflight.bus_time import refuse_slow_bus
+from companion.run.preflight.rehearsed import refuse_unrehearsed
 from companion.team.radio import NoRadio, TeamRadio
 from companion.team.zenoh_radio import open_team_radio
 
@@ -32,8 +35,12 @@ def make_rig(
     wires: Wires,
     clock: Clock,
     radio: TeamRadio | None = None,
+    *,
+    needs_pilot: bool = False,
 ) -> Rig:
     """Create sensors, gyro and link; sensors of the autopilot receive their data from the link.
+
+    `needs_pilot`: the vehicle is ready only while a pilot could take it over.
 
     Raises:
         SensorError: a sensor is missing or is of another type than configured.
@@ -45,10 +52,17 @@ def make_rig(
         listeners.append(ranges.from_autopilot)
     if isinstance(gyro, AutopilotGyro):
         listeners.append(gyro)
-    link = Link(transport, config.link, listeners)
+    fence = fence_to_set(config)
+    link = Link(transport, config.link, listeners, needs_pilot=needs_pilot, fence=fence)
     reports = Reports(config.link, range_models(config.sensors))
     sensors = ranges, calibrated(gyro, config.sensors)
     return Rig(link, *sensors, clock, reports, radio or NoRadio())
+
+
+def fence_to_set(config: Config) -> Fence | None:
+    """The fence that the autopilot gets; None if it keeps its own."""
+    limits = Fence(config.mission.max_height_m, config.mission.max_distance_m)
+    return limits if config.link.set_fence and limits != Fence(None, None) else None
 
 
 @contextmanager
@@ -57,8 +71,12 @@ def open_rig(
     out: Path | None,
     warn: Callable[[str], None],
     earlier: EarlierFlights | None = None,
+    *,
+    skip_rehearsal: bool = False,
 ) -> Iterator[tuple[Rig, Recorder]]:
     """Open the configured hardware and a recording in `out`, which must have enough free space.
+
+    A real drone needs what `[preflight]` says. `skip_rehearsal` flies it without a rehearsal.
 
     `earlier`: the map of earlier flights with which the flight begins, for the recording.
 
@@ -75,7 +93,21 @@ def open_rig(
         closing(open_clock(config, transport, warn)) as clock,
         open_team_radio(config.team) as radio,
     ):
+        is_real = not config.sensors.is_simulated
+        if is_real and not skip_rehearsal:
+            refuse_unrehearsed(config, transport, clock)
         recorder: Recorder = NOT_RECORDED
         if out is not None:
             recorder = open_recorder(out, config, time.time(), warn, earlier=earlier)
-        yield make_rig(config, recorder.tap(transport), wires, clock, radio), recorder
+        needs_pilot = is_real and config.preflight.transmitter
+        link = recorder.tap(transport)
+        rig = make_rig(config, link, wires, clock, radio, needs_pilot=needs_pilot)
+        if is_real:
+            refuse_slow_bus(lambda now_s: _sweep(rig, now_s), clock, config.sensors.bus)
+        yield rig, recorder
+
+
+def _sweep(rig: Rig, now_s: float) -> None:
+    """Read all sensors, as in a tick."""
+    rig.gyro.read(now_s)
+    rig.ranges.read(now_s)

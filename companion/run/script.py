@@ -35,12 +35,13 @@ def connect(
     out: str | Path | None = None,
     settings: Mapping[str, object] | None = None,
     tell: Callable[[str], None] = print,
+    skip_rehearsal: bool = False,
 ) -> "Drone":
     """Create a drone, to be used as a context manager.
 
     `config` is the companion's TOML file. `link`, `bus` and `settings`, such as
     {"mission.height_m": 1.0}, override it. `out` is a folder for recording and map. `tell` receives
-    warnings.
+    warnings. A real drone needs a rehearsal by `companion fly --rehearse`, unless `skip_rehearsal`.
 
     Raises:
         ConfigError: the configuration is invalid; one line that names the key and the remedy.
@@ -48,7 +49,7 @@ def connect(
     given = {"link.url": link, "sensors.bus": bus, **(settings or {})}
     overrides = {key: value for key, value in given.items() if value is not None}
     loaded = configuration.load(Path(config) if config else None, overrides)
-    return Drone(loaded, Path(out) if out else None, tell)
+    return Drone(loaded, Path(out) if out else None, tell, skip_rehearsal=skip_rehearsal)
 
 
 class Drone:
@@ -60,9 +61,16 @@ class Drone:
     battery or time and hovers over the start, or if another step or `stop` replaced the step.
     """
 
-    def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        out: Path | None,
+        tell: Callable[[str], None],
+        *,
+        skip_rehearsal: bool = False,
+    ) -> None:
         self._config = config
-        self._flight = OrderedFlight(config, out, tell)
+        self._flight = OrderedFlight(config, out, tell, skip_rehearsal=skip_rehearsal)
 
     def __enter__(self) -> "Drone":
         """Start the control loop and wait for the autopilot.
@@ -127,7 +135,7 @@ class Drone:
             ValueError: a height or another value is out of its limits.
         """
         target = Target((north_m, east_m), height_m, yaw_rad)
-        require_target(target, timeout_s)
+        require_target(target, timeout_s, self._config.mission)
         until_s = math.inf if timeout_s is None else self._flight.now_s + timeout_s
         self._flight.do(Task.FLY_TO, target=target, until_s=until_s)
 

@@ -33,12 +33,22 @@ def connect_async(
     out: str | Path | None = None,
     settings: Mapping[str, object] | None = None,
     tell: Callable[[str], None] = print,
+    skip_rehearsal: bool = False,
 ) -> "AsyncDrone":
     """Create a drone, to be used as an asynchronous context manager.
 
     Arguments and errors are those of `connect`.
     """
-    return AsyncDrone(connect(config, link=link, bus=bus, out=out, settings=settings, tell=tell))
+    drone = connect(
+        config,
+        link=link,
+        bus=bus,
+        out=out,
+        settings=settings,
+        tell=tell,
+        skip_rehearsal=skip_rehearsal,
+    )
+    return AsyncDrone(drone)
 
 
 class AsyncDrone:

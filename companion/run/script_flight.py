@@ -31,8 +31,16 @@ Chosen: PX4's own timeout of setpoints (COM_OF_LOSS_T)."""
 class OrderedFlight:
     """One flight, in a thread. Each method may be called from any thread of the script."""
 
-    def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        out: Path | None,
+        tell: Callable[[str], None],
+        *,
+        skip_rehearsal: bool = False,
+    ) -> None:
         self._config = config
+        self._skip_rehearsal = skip_rehearsal
         self._out = out
         self._tell = tell
         self.app = App(config, instance=new_instance())
@@ -236,7 +244,10 @@ class OrderedFlight:
             self._ticked.notify_all()
 
     def _fly_recorded(self) -> None:
-        with open_rig(self._config, self._out, self._tell) as (rig, recorder):
+        with open_rig(self._config, self._out, self._tell, skip_rehearsal=self._skip_rehearsal) as (
+            rig,
+            recorder,
+        ):
 
             def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
                 recorder.tick(now_s, inputs, outputs)

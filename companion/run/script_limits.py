@@ -6,13 +6,14 @@ from companion.config.settings import MissionConfig
 from companion.core.messages import Setpoint
 from companion.pdps.flight.fly_velocity import MIN_HEIGHT_M
 from companion.pdps.flight.order import Target
+from companion.safety import fence
 from companion.safety.control_laws import MAX_CLIMB_M_S
 
 MAX_HEIGHT_M = 10.0
 """Greatest height of an order, above the take-off point, m: the greatest of `mission.height_m`."""
 
 
-def require_target(target: Target, timeout_s: float | None) -> None:
+def require_target(target: Target, timeout_s: float | None, plan: MissionConfig) -> None:
     """Refuse a target that the drone cannot fly to.
 
     Raises:
@@ -21,9 +22,15 @@ def require_target(target: Target, timeout_s: float | None) -> None:
     for name, metres in zip(("north_m", "east_m"), target.ne_m, strict=True):
         if not math.isfinite(metres):
             raise ValueError(f"{name} = {metres}: should be a number of metres")
-    height_m = target.height_m
-    if height_m is not None and not MIN_HEIGHT_M <= height_m <= MAX_HEIGHT_M:
-        raise ValueError(f"height_m = {height_m}: should be {MIN_HEIGHT_M} to {MAX_HEIGHT_M:.0f}")
+    height_m, most_m = target.height_m, min(MAX_HEIGHT_M, fence.top_m(plan))
+    if height_m is not None and not MIN_HEIGHT_M <= height_m <= most_m:
+        limit = "" if plan.max_height_m is None else ", below mission.max_height_m"
+        raise ValueError(f"height_m = {height_m}: should be {MIN_HEIGHT_M} to {most_m:g}{limit}")
+    if (reach_m := fence.reach_m(plan)) < math.hypot(*target.ne_m):
+        raise ValueError(
+            f"north_m, east_m = {target.ne_m[0]}, {target.ne_m[1]}: should be within "
+            f"{reach_m:g} m, inside mission.max_distance_m = {plan.max_distance_m}"
+        )
     if target.yaw_rad is not None and not math.isfinite(target.yaw_rad):
         raise ValueError(f"yaw_rad = {target.yaw_rad}: should be a number of radians")
     _require_positive("timeout_s", timeout_s)

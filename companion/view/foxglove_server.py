@@ -20,7 +20,7 @@ from foxglove.websocket import (
     WebSocketServer,
 )
 
-from companion.config.settings import ViewConfig
+from companion.config.view import ViewConfig
 from companion.core.errors import ViewError
 from companion.core.secret import is_loopback
 from companion.recording import topics

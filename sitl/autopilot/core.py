@@ -277,6 +277,10 @@ class Autopilot:
         """Set the pilot's mode switch and throttle stick."""
         self._commander.pilot_mode(custom_mode, throttle)
 
+    def switch_transmitter(self, *, on: bool) -> None:
+        """Switch the pilot's transmitter, of which SYS_STATUS reports the receiver."""
+        self._status.has_transmitter = on
+
     def pilot_arms(self) -> None:
         """Arm by the sticks, without checks."""
         self._status.armed = True

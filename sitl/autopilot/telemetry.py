@@ -29,6 +29,7 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
 )
 """Bits of SYS_STATUS (1) that are always set."""
+RECEIVER: int = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 FLOW: int = mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 VISION: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
 LANDED_STATES = {
@@ -48,6 +49,7 @@ class Status:
     crashed: bool = False
     in_failsafe: bool = False
     is_armable: bool = False
+    has_transmitter: bool = False
     manoeuvre: Manoeuvre = Manoeuvre.GROUND
     battery: float = 1.0
     step: int = 0
@@ -220,7 +222,8 @@ class Telemetry:
         armable = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self._status.is_armable else 0
         flow = FLOW if self._navigation.sources.flow else 0
         vision = VISION if self._navigation.has_external_pose else 0
-        sensors = SENSORS | flow | vision
+        receiver = RECEIVER if self._status.has_transmitter else 0
+        sensors = SENSORS | flow | vision | receiver
         return [
             mavlink.MAVLink_sys_status_message(
                 sensors,

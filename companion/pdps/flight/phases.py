@@ -85,6 +85,7 @@ from companion.pdps.flight.state import (
 from companion.pdps.layers import LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
 from companion.pdps.room_scan_state import ScanPhase
+from companion.safety import fence
 from companion.safety.control_laws import (
     BODY_RADIUS_M,
     CLIMB_LAG_S,
@@ -98,6 +99,10 @@ from companion.safety.velocity_guard import guarded
 
 ABOVE_LEVEL_M = 0.2
 """Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
+AT_EDGE_M = 0.1
+"""So near to the fence a scan of a room ends, m. Chosen: the guard hardly lets it go on."""
+BEYOND_FENCE = "the walls lead beyond mission.max_distance_m; exploring what is within it"
+"""Notice when a scan of a room ends at the fence."""
 
 
 def step(
@@ -167,7 +172,9 @@ def _let_pass(
         passing = None if is_over else passing.see(pose, up, observation.mount_offset_m)
     elif _may_let_pass(flight, view):
         mount_m = observation.mount_offset_m
-        passing = passing_from(pose, up, mount_m, level_m, plan.clearance_m)
+        passing = passing_from(
+            pose, up, mount_m, level_m, plan.clearance_m, top_m=fence.top_m(plan)
+        )
     if passing is not flight.passing:
         flight = replace(flight, passing=passing)
     if passing is None:
@@ -189,14 +196,16 @@ def _changes_height(flight: FlightState) -> bool:
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
-    """Down velocity, m/s, that keeps the height and the clearance to the ceiling."""
+    """Down velocity, m/s, that keeps the height and the clearance to the ceiling and the fence."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else orders.height_m(flight, plan)
     if flight.passing and view.around.lets_pass:
         height_m = flight.passing.height_m(height_m, plan.clearance_m)
-    down_m_s = climb_to(height_m, view.observation.pose.height_m)
+    present_m = view.observation.pose.height_m
+    down_m_s = climb_to(height_m, present_m)
     down_m_s = orders.down_m_s(flight, view, plan, down_m_s)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    room_m = min(room_m, fence.top_m(plan) - present_m)
     least_m_s, most_m_s = view.around.climb_limits_m_s
     least_m_s = max(least_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
     return max(min(down_m_s, most_m_s), least_m_s)
@@ -247,6 +256,8 @@ def _room(
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = go(flight, after(Phase.HOME, view), view)
+    elif view.around.edge_m < AT_EDGE_M:
+        flight = replace(go(flight, Phase.BUILDING, view), notice=BEYOND_FENCE)
     elif room.phase is ScanPhase.BLOCKED:
         flight = go(flight, Phase.BUILDING, view)
     return flight, FlightAction(setpoint)

@@ -29,6 +29,25 @@ def test_a_value_out_of_its_limits_is_refused(step: Callable[[Drone], None], why
 
 
 @pytest.mark.parametrize(
+    ("step", "why"),
+    [
+        (
+            lambda drone: drone.fly_to(5.0, 0.0),
+            r"within 4\.6 m, inside mission\.max_distance_m = 5",
+        ),
+        (
+            lambda drone: drone.fly_to(1.0, 0.0, height_m=1.9),
+            r"height_m = 1\.9: should be 0\.5 to 1\.7, below mission\.max_height_m",
+        ),
+    ],
+)
+def test_a_target_beyond_the_fence_is_refused(step: Callable[[Drone], None], why: str) -> None:
+    limits = {"mission.max_height_m": 2.0, "mission.max_distance_m": 5.0}
+    with pytest.raises(ValueError, match=why):
+        step(connect(settings=limits))
+
+
+@pytest.mark.parametrize(
     "step",
     [
         Drone.scan_room,

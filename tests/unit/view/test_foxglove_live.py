@@ -16,7 +16,8 @@ from mcap.reader import make_reader
 from typer.testing import CliRunner
 
 from companion.commands.options import Foxglove, WithFoxglove
-from companion.config.settings import Config, ViewConfig, load
+from companion.config.settings import Config, load
+from companion.config.view import ViewConfig
 from companion.core.errors import ConfigError, MissingExtraError, ViewError
 from companion.core.messages import (
     FloorPlan,
