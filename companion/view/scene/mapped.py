@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from viser import PointCloudHandle, ViserServer
@@ -10,6 +11,7 @@ from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, frd_to_ned, ned_to_enu
 from companion.core.messages import Sketch, WallSegment
 from companion.mapping.wall_lengths import TOLERANCE_SIGMAS, length_sigmas_m
+from companion.view.scene.joined import joined
 from companion.view.scene.labels import Label, Labels
 from companion.view.scene.shapes import (
     MIN_THICKNESS_M,
@@ -79,6 +81,7 @@ class MappedSide:
         self.wall_colour: Colour | None = None
         """Colour of walls and points, without labels; None: walls by standard deviation."""
         self._sketch = Sketch()
+        self._walls_as_solved: tuple[WallSegment, ...] = ()
         self._exaggeration = 5.0
         self._labelled_wall_s = 0.0
 
@@ -97,7 +100,9 @@ class MappedSide:
         if snapshot.has_ended:
             self._labelled_wall_s = 0.0  # always label the final map
         if snapshot.sketch is not None:
-            self._draw(snapshot.sketch)
+            self._walls_as_solved = walls = snapshot.sketch.walls
+            shown = walls if snapshot.has_ended else joined(walls)
+            self._draw(replace(snapshot.sketch, walls=shown))
         if snapshot.pose is None:
             self._drone.hide()
             self._path.show([])
@@ -111,23 +116,25 @@ class MappedSide:
 
     @property
     def sketch(self) -> Sketch:
-        """The map shown."""
+        """The map as it is drawn."""
         return self._sketch
 
     @property
     def walls(self) -> tuple[WallSegment, ...]:
-        return self._sketch.walls
+        """The walls as the drone has solved them; in flight perhaps several pieces of one."""
+        return self._walls_as_solved
 
     @property
     def in_numbers(self) -> dict[str, str]:
         """Rows for the table of numbers."""
-        walls = self.walls
+        walls = self._sketch.walls
         length_m = sum(wall.length_m for wall in walls)
         return {"walls mapped": f"{len(walls)}, {length_m:.1f} m"}
 
     def clear(self) -> None:
         self._drone.hide()
         self._path.show([])
+        self._walls_as_solved = ()
         self._draw(Sketch())
 
     def _draw(self, sketch: Sketch) -> None:
