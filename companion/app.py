@@ -39,12 +39,14 @@ from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps.flight import phases
 from companion.pdps.flight.state import (
+    TASK_PHASES,
     UNARMED_PHASES,
     FlightAction,
     FlightState,
     Phase,
     TickInput,
 )
+from companion.safety import fence
 from companion.safety.drift import Drift
 from companion.safety.fold_back import unfolded_up
 from companion.safety.health.watch import Health
@@ -59,12 +61,9 @@ from companion.safety.velocity_guard import clear_of_all_m
 from companion.team.on_board import OnBoardTeam, Own, with_layers_apart
 from companion.ticks import Inputs, Outputs, Progress
 
-EXPLORING_PHASES = frozenset(
-    {
-        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS),
-        *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
-    }
-)
+EXPLORING_PHASES = TASK_PHASES | {
+    *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+}
 """Phases in which walls are mapped and, at the height of a layer, the occupancy grid is filled."""
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
 """Phases in which obstacles, floor and ceiling are detected; these begin on the ground."""
@@ -284,11 +283,15 @@ class App:
         near = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, near.points_frd_m)
         around = replace(near, recalled_frd_m=recalled)
+        if (edge := fence.edge(pose, self._config.mission)) is not None:
+            around = replace(around, edge_frd=edge.towards_frd, edge_m=edge.away_m)
         return self.team.around(around, pose, self._own) if self.team else around
 
     def _obstructed(self, pose: Pose, around: Surroundings) -> Occupancy:
-        """The map; among legs with the recent obstacles that the map has lost."""
+        """The map within the fence; among legs with the recent obstacles that the map has lost."""
         grid = self.team.space(self._own) if self.team else self.space.grid
+        plan = self._config.mission
+        grid = fence.inside(grid, pose.ne_m, plan, clear_of_all_m(plan))
         if not around.is_among_legs:
             return grid
         measured_frd_m = around.points_frd_m[around.is_measured]

@@ -4,18 +4,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from companion.core.messages import (
-    Command,
-    GyroSample,
-    Order,
-    Pose,
-    RangeScan,
-    Setpoint,
-    WallSegment,
-)
+from companion.core.messages import Command, GyroSample, Pose, RangeScan, Setpoint, WallSegment
 from companion.core.values import value
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed
+from companion.pdps.flight.order import Order
 from companion.pdps.flight.state import FINAL_PHASES, FlightState
 
 

@@ -4,6 +4,7 @@
 #
 #   sudo deploy/install.sh                 from this checkout
 #   sudo deploy/install.sh --from WHEEL    from a wheel, or a name and version of the package index
+#   sudo deploy/install.sh --extra foxglove,team    with these extras
 #   deploy/install.sh --root DIR           everything under DIR, for a test; no users, nothing started
 #
 # The program runs as the user pdps, which owns only /var/lib/pdps.
@@ -11,6 +12,7 @@ set -euo pipefail
 
 here=$(cd "$(dirname "$0")" && pwd)
 from=$(dirname "$here")
+extras=
 root=
 python=python3
 
@@ -19,9 +21,10 @@ fail() { echo "install.sh: $*" >&2; exit 2; }
 while [ $# -gt 0 ]; do
     case $1 in
         --from) from=${2:?--from needs a wheel, folder or name}; shift 2 ;;
+        --extra) extras=[${2:?--extra needs names, such as foxglove,team}]; shift 2 ;;
         --root) root=${2:?--root needs a folder}; shift 2 ;;
         --python) python=${2:?--python needs a program}; shift 2 ;;
-        *) fail "$1: unknown; --from, --root, --python" ;;
+        *) fail "$1: unknown; --from, --extra, --root, --python" ;;
     esac
 done
 
@@ -53,7 +56,7 @@ make_venv() {
     # the drone does not need pip: slim.sh removes it again
     "$venv/bin/python" -m ensurepip >/dev/null
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
-        --no-compile --upgrade "$from"
+        --no-compile --upgrade "$from$extras"
     "$here/slim.sh" "$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
     # Compiles and loads all modules of a flight and its map, as a test of what slim.sh left.
     "$venv/bin/python" "$here/self_test.py"
@@ -67,7 +70,7 @@ put_files() {
     install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
     install -m 644 "$here/pdps-companion.service" "$here/pdps-recover.service" \
         "$root/etc/systemd/system/"
-    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here"/../docs/*.md \
+    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here/mounting.svg" "$here"/../docs/*.md \
         "$root/opt/pdps/docs/"
 }
 
@@ -105,5 +108,7 @@ print(version("pdps-companion"))')
   1. set the wiring of the sensors in /etc/pdps/drone.toml
   2. reboot, if this was the first time
   3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml
-  4. sudo systemctl start pdps-companion    the drone takes off
+  4. propellers off: sudo -u pdps /opt/pdps/venv/bin/companion fly --rehearse \
+         --config /etc/pdps/drone.toml --out /var/lib/pdps/map
+  5. sudo systemctl start pdps-companion    the drone takes off
 END

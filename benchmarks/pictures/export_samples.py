@@ -22,13 +22,16 @@ def main() -> None:
         Sitl(Path(folder)).fly("room_100", record=Path(folder))
         (recorded,) = Path(folder).glob("*.mcap")
         flight = recorded.rename(recorded.with_name("room_100.mcap"))
-        export_command(flight, list(Format), options.out, lat_deg=47.3977, lon_deg=8.5456)
+        flown = [each for each in Format if each.value != "ifc"]
+        export_command(flight, flown, options.out, lat_deg=47.3977, lon_deg=8.5456)
         report_command(flight, options.out / "room_100.html")
         flight.unlink()
         Sitl(Path(folder)).fly("complex", mission="building", record=Path(folder))
         (recorded,) = Path(folder).glob("*.mcap")
         building = recorded.rename(recorded.with_name("complex.mcap"))
-        export_command(building, [Format("svg")], options.out, path=False, points=False)
+        export_command(
+            building, [Format("svg"), Format("ifc")], options.out, path=False, points=False
+        )
 
 
 if __name__ == "__main__":

@@ -4,30 +4,40 @@ Nothing flies and nothing is armed. Each part is opened alone, so a missing part
 others.
 """
 
-import enum
 import math
 from collections import deque
-from collections.abc import Iterator
-
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from collections.abc import Iterator, Mapping, Sequence
 
 from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
+from companion.bringup.failsafes import needed_parameters, transmitter_loss
+from companion.bringup.fences import fence_beside, fence_parameters, is_limited
+from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.link_test import dropped_messages, slow_streams
+from companion.bringup.parameters import AskedParameters
 from companion.config.range_sensors import TfminiSensor
 from companion.config.settings import Config
 from companion.core.errors import SensorError
-from companion.core.messages import Beam, GyroSample, RangeReading, RangeState, VehicleState
-from companion.core.values import value
+from companion.core.messages import (
+    Beam,
+    Command,
+    GyroSample,
+    RangeReading,
+    RangeState,
+    Setpoint,
+    VehicleState,
+)
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import model_of, range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
-from companion.link.link import Link, Listener
+from companion.link.firmware import ArduPilot
+from companion.link.link import Link, Listener, Telemetry
 from companion.link.link_budget import budget_error
 from companion.link.transports.serial_transport import SerialTransport
-from companion.link.transports.transport import Message, Transport
+from companion.link.transports.transport import Transport
 from companion.navigation.standoff import standoff_m
+from companion.run.hardware import fence_to_set
 from companion.safety.preflight import refusal
 
 GYRO_WINDOW = 60
@@ -40,65 +50,52 @@ LARGE_BIAS_RAD_S = math.radians(30.0)
 """A larger bias is a fault, rad/s. Chosen."""
 AVOID_PROXIMITY_BIT = 2
 """Bit of AVOID_ENABLE (ArduPilot) that enables avoidance by proximity sensors."""
+NOT_THE_PINS = ("/dev/serial0", "/dev/ttyAMA10")
+"""Names of the debug connector of a Raspberry Pi 5, whose pins 8 and 10 are /dev/ttyAMA0."""
 MIN_AVOID_MARGIN_M = 1.0
 """Recommended AVOID_MARGIN, m. Chosen."""
-REQUESTED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
-"""ArduPilot parameters that the check reads."""
-REQUEST_PERIOD_S = 1.0
-"""Interval of the parameter requests, s. Chosen."""
-
-
-class CheckResult(enum.Enum):
-    """Verdict on one part."""
-
-    GOOD = "good"
-    WAIT = "wait"
-    BAD = "bad"
-
-
-@value
-class Finding:
-    """Result of the check of one part, and its remedy."""
-
-    part: str
-    verdict: CheckResult
-    seen: str
-    remedy: str = ""
-
-
-class Parameters:
-    """Stores the autopilot's parameters; a `Listener`."""
-
-    streams_hz = {mavlink.MAVLINK_MSG_ID_PARAM_VALUE: 0.0}  # noqa: RUF012 - never changed
-
-    def __init__(self) -> None:
-        self.values: dict[str, float] = {}
-
-    def receive(self, message: Message, now_s: float) -> None:
-        self.values[message.param_id] = message.param_value
+AVOIDANCE = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
+"""ArduPilot's parameters of its avoidance."""
 
 
 class Examination:
-    """Checks all parts of one drone; `step` is called at every tick."""
+    """Checks all parts of one drone; `step` is called at every tick.
 
-    def __init__(self, config: Config, transport: Transport, wires: Wires) -> None:
+    `needs_pilot`: the autopilot is ready only while a pilot could take the drone over. `listeners`
+    also receive the autopilot's messages.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        transport: Transport,
+        wires: Wires,
+        *,
+        needs_pilot: bool = False,
+        listeners: Sequence[Listener] = (),
+    ) -> None:
         self._config = config
         self._transport = transport
         self._wires = MonitoredWires(wires)
         self._errors: dict[str, str] = {}
-        self._parameters = Parameters()
+        self._parameters = AskedParameters(config.link.system_id)
+        self._needs_pilot = needs_pilot
         self._sensors = dict(self._open_ranges())
-        listeners: list[Listener] = [self._parameters]
-        listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
+        all_listeners: list[Listener] = [*listeners, self._parameters]
+        all_listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
         try:
             gyro = open_gyro(wires, config.sensors)
             self._gyro = calibrated(gyro, config.sensors)
-            listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
+            all_listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
         except SensorError as error:
             self._errors["gyro"] = str(error)
-        self._link = Link(transport, config.link, listeners)
+        fence = fence_to_set(config)
+        self.link = Link(
+            transport, config.link, all_listeners, needs_pilot=needs_pilot, fence=fence
+        )
+        self.telemetry = Telemetry(VehicleState())
+        """What the autopilot has sent since the step before."""
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
-        self._requested_s = -math.inf
         self._overload = budget_error(config)
         self.readings: dict[Beam, RangeReading] = {}
 
@@ -112,12 +109,26 @@ class Examination:
 
     def step(self, now_s: float) -> list[Finding]:
         """Present findings of all parts."""
-        telemetry = self._link.poll(now_s)
-        self._link.send(now_s, None, None)
-        findings = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
-        findings.append(self._of_gyro(now_s))
-        findings += self._of_traffic()
-        vehicle = telemetry.vehicle
+        self.listen(now_s)
+        return self.examine(now_s)
+
+    def listen(self, now_s: float) -> VehicleState:
+        """Take what the autopilot has sent."""
+        self.telemetry = self.link.poll(now_s)
+        return self.telemetry.vehicle
+
+    def sweep(self, now_s: float) -> list[Finding]:
+        """Read all sensors once."""
+        beams = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
+        return [*beams, self._of_gyro(now_s)]
+
+    def examine(
+        self, now_s: float, setpoint: Setpoint | None = None, command: Command | None = None
+    ) -> list[Finding]:
+        """Present findings of all parts; setpoint and command go to the autopilot."""
+        self.link.send(now_s, setpoint, command)
+        findings = [*self.sweep(now_s), *self._of_traffic()]
+        vehicle = self.telemetry.vehicle
         if not vehicle.connected:
             return [*findings, self._of_silent_link(vehicle.unfit)]
         link = f"{vehicle.mode}, {'armed' if vehicle.armed else 'disarmed'}"
@@ -127,11 +138,13 @@ class Examination:
         remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
         if vehicle.waits_for:
             verdict = CheckResult.BAD if "send_pose" in vehicle.waits_for else CheckResult.WAIT
-            findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
+            seen = vehicle.waits_for
+            if "preflight." in seen:  # a text with its own remedy
+                seen, _, remedy = seen.partition(": ")
+            findings.append(Finding("autopilot", verdict, seen, remedy))
         else:
             findings.append(Finding("autopilot", CheckResult.GOOD, "estimate ready"))
-        self._request_parameters(now_s)
-        return [*findings, *self._of_avoidance()]
+        return [*findings, *self._of_parameters(now_s)]
 
     def _of_beam(self, beam: Beam, now_s: float) -> Finding:
         if beam.value in self._errors:
@@ -202,6 +215,8 @@ class Examination:
                 f"no bytes received at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
                 "and disable the login shell on the port"
             )
+            if url.split(":")[1] in NOT_THE_PINS:
+                remedy += "; on a Raspberry Pi 5 this is the debug connector: use /dev/ttyAMA0"
             return Finding("link", CheckResult.BAD, "silent", remedy)
         remedy = (
             f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "
@@ -217,25 +232,29 @@ class Examination:
             yield Finding("baud rate", CheckResult.BAD, "too low", self._overload)
         if symptom := dropped_messages(self._transport):
             yield Finding("sending", CheckResult.BAD, *symptom)
-        if symptom := slow_streams(self._link.streams):
+        if symptom := slow_streams(self.link.streams):
             yield Finding("streams", CheckResult.BAD, *symptom)
 
-    def _request_parameters(self, now_s: float) -> None:
-        if now_s - self._requested_s < REQUEST_PERIOD_S:
+    def _of_parameters(self, now_s: float) -> Iterator[Finding]:
+        """Findings on the autopilot's own safety functions, once their parameters are known."""
+        firmware = self.link.firmware
+        if firmware is None:
             return
-        self._requested_s = now_s
-        target = self._config.link.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1
-        for name in REQUESTED:
-            if name not in self._parameters.values:
-                self._transport.send(
-                    mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
-                )
+        names = [*AVOIDANCE] if isinstance(firmware, ArduPilot) else []
+        names += needed_parameters(firmware) if self._needs_pilot else ()
+        plan = self._config.mission
+        names += fence_parameters(firmware) if is_limited(plan) else ()
+        self.link.transmit(self._parameters.requests(now_s, names))
+        values = self._parameters.values(firmware)
+        if self._needs_pilot and (loss := transmitter_loss(firmware, values)):
+            yield loss
+        if fence := fence_beside(firmware, values, plan):
+            yield fence
+        if all(name in values for name in AVOIDANCE):
+            yield from self._of_avoidance(values)
 
-    def _of_avoidance(self) -> Iterator[Finding]:
+    def _of_avoidance(self, parameters: Mapping[str, float]) -> Iterator[Finding]:
         """ArduPilot's avoidance also limits the velocities that we command."""
-        parameters = self._parameters.values
-        if not all(name in parameters for name in REQUESTED):
-            return
         margin_m = parameters["AVOID_MARGIN"]
         seen = f"AVOID_MARGIN {margin_m:g} m"
         if not int(parameters["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not parameters["PRX1_TYPE"]:

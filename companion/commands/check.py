@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.live import Live
-from rich.table import Table
 
+from companion.bringup.findings import CheckResult, Finding, table
 from companion.bringup.hand_test import ask_for_hands
-from companion.bringup.self_test import CheckResult, Examination, Finding
+from companion.bringup.self_test import Examination
 from companion.commands.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 from companion.drivers.wires.opening import open_bus
 from companion.link.transports.open_link import open_transport
@@ -18,7 +18,6 @@ from companion.safety.health.lateness import TICK_S
 
 EXIT_NOT_READY = 1
 """Exit status if a part is not good. Chosen."""
-COLOURS = {CheckResult.GOOD: "green", CheckResult.WAIT: "yellow", CheckResult.BAD: "red"}
 
 
 commands = typer.Typer()
@@ -40,7 +39,9 @@ def check(
     settings = load_settings(config, link, bus, profile)
     console = Console(highlight=False)
     transport = open_transport(settings.link, console.print)
-    examination = Examination(settings, transport, open_bus(settings.sensors.bus))
+    wires = open_bus(settings.sensors.bus)
+    needs_pilot = settings.preflight.transmitter and not settings.sensors.is_simulated
+    examination = Examination(settings, transport, wires, needs_pilot=needs_pilot)
     clock = open_clock(settings, transport, console.print)
     now_s = clock.wait_until(0.0)
     end_s = now_s + seconds
@@ -56,15 +57,3 @@ def check(
     swapped = hands and ask_for_hands(examination, clock, console)
     good = not swapped and all(finding.verdict is CheckResult.GOOD for finding in findings)
     raise typer.Exit(0 if good else EXIT_NOT_READY)
-
-
-def table(findings: Sequence[Finding]) -> Table:
-    """One row for each part; the remedy is below the observation."""
-    rows = Table(box=None, pad_edge=False)
-    for heading in ("part", "", "seen"):
-        rows.add_column(heading, no_wrap=heading != "seen", overflow="fold")
-    for finding in findings:
-        colour = COLOURS[finding.verdict]
-        seen = f"{finding.seen}\n[dim]{finding.remedy}[/]" if finding.remedy else finding.seen
-        rows.add_row(finding.part, f"[{colour}]{finding.verdict.value}[/]", seen)
-    return rows

@@ -29,6 +29,7 @@ MODULES = {
     "merge": "companion.commands.merge",
     "survey": "companion.commands.survey",
     "view": "companion.commands.view",
+    "map-schema": "companion.commands.map",
     "config": "companion.commands.config",
 }
 """Module of each command, in the order of the help."""

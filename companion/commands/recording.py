@@ -30,7 +30,7 @@ EXIT_OTHER_MAP = 1
 commands = typer.Typer()
 File = Annotated[Path, typer.Argument(metavar="FLIGHT.mcap", help="Recording of a flight.")]
 Format = StrEnum(
-    "Format", ["dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson", "json"]
+    "Format", ["dxf", "svg", "pdf", "ifc", "pgm", "ply", "pcd", "glb", "bt", "geojson", "json"]
 )
 
 
@@ -48,7 +48,8 @@ def replay_command(
     recording = read(flight)
     app = replay(recording)
     plan = app.final_floor_plan()
-    console.print(summary(app.flight, plan, save(plan, out) if out else [], None))
+    files = save(plan, out, app.flight.unfinished) if out else []
+    console.print(summary(app.flight, plan, files, None))
     same = is_same_map(app, recording)
     if same is None:
         console.print(
@@ -72,20 +73,22 @@ def export_command(
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     lat_deg: Annotated[
         float | None,
-        typer.Option(help="Latitude of take-off, °, for geojson; default: as configured."),
+        typer.Option(help="Latitude of take-off, °, for geojson and ifc; default: as configured."),
     ] = None,
     lon_deg: Annotated[
         float | None,
-        typer.Option(help="Longitude of take-off, °, for geojson; default: as configured."),
+        typer.Option(help="Longitude of take-off, °, for geojson and ifc; default: as configured."),
     ] = None,
     heading_deg: Annotated[
         float | None,
-        typer.Option(help="True heading at take-off, °, for geojson and --up north; default 0."),
+        typer.Option(
+            help="True heading at take-off, °, for geojson, ifc and --up north; default 0."
+        ),
     ] = None,
     title: Annotated[
         str | None, typer.Option(help="Title of the sheet; default: when it was flown.")
     ] = None,
-    up: Annotated[Up, typer.Option(help="What is up on dxf, svg and pdf.")] = Up.WALLS,
+    up: Annotated[Up, typer.Option(help="What is up on dxf, svg, pdf and ifc.")] = Up.WALLS,
     rooms: Annotated[
         Path | None, typer.Option(help='TOML file with names of rooms: "room 1" = "Kitchen".')
     ] = None,
@@ -97,14 +100,14 @@ def export_command(
 
     recording = read(flight)
     link = recording.config.link
-    heading_rad = radians(heading_deg or 0.0)
+    heading_rad = None if heading_deg is None else radians(heading_deg)
     place = link.place
     if lat_deg is not None and lon_deg is not None:
         place = Place(lat_deg, lon_deg)
     elif lat_deg is not None or lon_deg is not None:
         raise typer.BadParameter("a place needs both --lat-deg and --lon-deg")
     if place:
-        place = replace(place, heading_rad=heading_rad)
+        place = replace(place, heading_rad=heading_rad or 0.0)
     if up is Up.NORTH and heading_deg is None:
         raise typer.BadParameter("--up north needs the true heading at take-off, --heading-deg")
     with needs_extra("export"):

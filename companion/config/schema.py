@@ -5,19 +5,14 @@ docstrings are read from the sources only when a schema is asked for, so that a 
 without them.
 """
 
-import ast
-import inspect
-import textwrap
-from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 from companion.config import range_sensors, settings, team
 from companion.config.range_sensors import Group
 from companion.config.settings import Config
+from companion.core.json_schema import DIALECT, docstrings
 
 JsonSchema = dict[str, Any]
-DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema() -> JsonSchema:
@@ -34,14 +29,5 @@ def _describe(definition: JsonSchema, model: type[Group]) -> None:
     """Add the fields' docstrings, which are inherited as the fields are."""
     for cls in model.__mro__:
         if issubclass(cls, Group):
-            for key, text in _docstrings(cls):
+            for key, text in docstrings(cls):
                 definition["properties"][key].setdefault("description", text)
-
-
-def _docstrings(cls: type[Group]) -> Iterator[tuple[str, str]]:
-    """Name and docstring of each field that the class itself declares."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
-    for statement, after in pairwise(tree.body[0].body):  # type: ignore[attr-defined]
-        match statement, after:
-            case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(ast.Constant(str(text))):
-                yield key, " ".join(text.split())

@@ -21,6 +21,7 @@ from pydantic import (
     model_validator,
 )
 
+from companion.config.preflight import PreflightConfig
 from companion.config.range_places import check_places
 from companion.config.range_sensors import (
     AdcChannel,
@@ -33,6 +34,7 @@ from companion.config.range_sensors import (
     usual_sensors,
 )
 from companion.config.team import TEAM_DRONES, TeamConfig
+from companion.config.view import ViewConfig
 from companion.core.errors import ConfigError
 from companion.core.frames import Place
 from companion.core.messages import BEARING_FRD_RAD, Beam
@@ -46,6 +48,9 @@ STANDOFFS = ("range", "accurate")
 """Named stand-offs of `mission.standoff`."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 """Bounds of `mission.standoff`, m. Chosen."""
+BELOW_TOP_M = 0.3
+"""Distance of all commanded heights below `mission.max_height_m`, m. PX4 overshot by 0.28 m at a
+take-off (docs/autopilot.md)."""
 
 
 def _standoff(value: object) -> object:
@@ -92,7 +97,7 @@ class LinkConfig(Group):
     """File that keeps the latest signing time stamp. Default: beside the key."""
     tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
     """Message in which the autopilot receives the range readings, for its own avoidance and terrain
-    following."""
+    following. Ground stations receive it, too."""
     tell_texts: bool = True
     """Send phases and faults as STATUSTEXT, for ground stations."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
@@ -105,6 +110,9 @@ class LinkConfig(Group):
     send_pose: bool = False
     """Send the companion's pose to the autopilot as ODOMETRY. The autopilot's parameters must
     enable its use."""
+    set_fence: bool = False
+    """Write `mission.max_height_m` and `max_distance_m` to the autopilot, as a fence 1 m farther at
+    which it lands. Otherwise its fence is only checked."""
     setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
     """Time after the last setpoint at which ArduPilot stops and PX4 lands. The companion sets it in
     the autopilot. A larger value bridges pauses of the computer and needs a lower speed."""
@@ -144,6 +152,11 @@ class SensorsConfig(Group):
     rest_s: float = Field(3.0, ge=1, le=60)
     """Time at rest before arming over which the gyro's bias is averaged."""
 
+    @property
+    def is_simulated(self) -> bool:
+        """True on the simulator's bus, where no real drone flies."""
+        return self.bus.startswith("sitl://")
+
     @cached_property
     def beams(self) -> dict[Beam, RangeSensor]:
         """The sensor of each beam."""
@@ -176,6 +189,11 @@ class MissionConfig(Group):
     standoff: Standoff = 1.5
     """Distance from the drone's centre to the wall of a room that it follows: metres, `range` for
     the farthest reliable one, or `accurate` for the one at which the sensor is most accurate."""
+    max_height_m: float | None = Field(None, ge=0.8, le=50)
+    """Height above the take-off point that the drone never exceeds, at least 0.3 m above
+    `height_m`. Default: no limit but the ceiling."""
+    max_distance_m: float | None = Field(None, ge=2, le=1000)
+    """Horizontal distance from the take-off point that it never exceeds. Default: no limit."""
     layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
     """Height between two layers, from `height_m` up to the ceiling."""
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
@@ -196,6 +214,15 @@ class MissionConfig(Group):
     battery_land_percent: float = Field(10.0, ge=0, le=100)
     """Battery level at which the drone lands where it is, or on floor nearby."""
 
+    @model_validator(mode="after")
+    def _check_height(self) -> Self:
+        if self.max_height_m is not None and self.height_m > self.max_height_m - BELOW_TOP_M:
+            raise ValueError(
+                f"height_m = {self.height_m:g}: should be at least {BELOW_TOP_M:g} m below "
+                f"max_height_m = {self.max_height_m:g}"
+            )
+        return self
+
 
 class RecordingConfig(Group):
     """The flight recorder."""
@@ -204,21 +231,13 @@ class RecordingConfig(Group):
     """Record every flight, as docs/recording.md describes."""
 
 
-class ViewConfig(Group):
-    """Live view of map and pose during a flight, read-only."""
-
-    listen: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
-    """`HOST:PORT` for `companion view`. Empty: no live view."""
-    token_file: Path | None = None
-    """File with the token that viewers need, mode 600. Required unless HOST is 127.0.0.1."""
-
-
 class Config(Group):
     """The whole configuration file."""
 
     link: LinkConfig = LinkConfig()
     sensors: SensorsConfig = SensorsConfig()
     mission: MissionConfig = MissionConfig()
+    preflight: PreflightConfig = PreflightConfig()
     recording: RecordingConfig = RecordingConfig()
     view: ViewConfig = ViewConfig()
     team: TeamConfig = TeamConfig()

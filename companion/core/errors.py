@@ -29,6 +29,10 @@ class RecordingError(CompanionError, OSError):
     """A recording cannot be written or read."""
 
 
+class RehearsalError(CompanionError, RuntimeError):
+    """A real drone has not passed the rehearsal of this flight."""
+
+
 class SurveyError(CompanionError, ValueError):
     """Flights cannot be made into one map."""
 
@@ -47,6 +51,10 @@ class ViewError(CompanionError, OSError):
 
 class FlightEndedError(CompanionError, RuntimeError):
     """A flight ended differently than its script expects."""
+
+
+class NotCompletedError(CompanionError, RuntimeError):
+    """A step of a script was not completed, and the drone hovers."""
 
 
 class MissingExtraError(CompanionError, ImportError):

@@ -8,7 +8,9 @@ from companion.core.errors import MissingExtraError
 PACKAGES_OF_EXTRA = {
     "sitl": ("fcl", "evo", "PIL", "shapely", "yaml"),
     "export": ("ezdxf", "pyoctomap"),
+    "ifc": ("ifcopenshell",),
     "team": ("zenoh",),
+    "foxglove": ("foxglove",),
     "viewer": ("viser", "websockets"),
 }
 """Packages of each extra of pyproject.toml, by import name."""

@@ -285,26 +285,6 @@ class Command:
     """Height above the ground for TAKE_OFF."""
 
 
-class Task(enum.Enum):
-    """Tasks of a script, executed one by one."""
-
-    WAIT = "wait"
-    TAKE_OFF = "take off"
-    SCAN = "scan"
-    HOME = "return to the start"
-    LAND = "land"
-
-
-@value
-class Order:
-    """One step of a script; a higher number is a new step."""
-
-    number: int = 0
-    task: Task = Task.WAIT
-    mission: str = ""
-    """Mission of a scan; empty: that of the configuration."""
-
-
 @value
 class Hit:
     """End of a beam on an obstacle, local NED, with the variance along the beam."""

@@ -8,7 +8,7 @@ from scipy.ndimage import binary_closing
 from scipy.spatial import cKDTree
 
 from companion.core.arrays import Array
-from companion.export.plan.survey import Survey
+from companion.core.messages import FloorPlan
 from companion.export.rays import rays
 
 CELL_M = 0.05
@@ -31,13 +31,12 @@ class Cells:
     """Position of the south-western corner of the grid: x east, y north, m."""
 
 
-def cells(survey: Survey) -> Cells:
+def cells(plan: FloorPlan) -> Cells:
     """Rasterize a map.
 
     Cells that beams or the drone passed through are free. Cells of walls, and of hits off the
     walls with enough neighbours, are occupied. Occupied overrides free.
     """
-    plan = survey.plan
     seen = rays(plan)
     flown = np.array([(pose.east_m, pose.north_m) for pose in plan.path]).reshape(-1, 2)
     walls = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in plan.walls])

@@ -13,16 +13,17 @@ from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
 
 WRITERS = {
-    "dxf": ("plan.dxf", "write_dxf"),
+    "dxf": ("dxf.write", "write_dxf"),
     "svg": ("plan.sheet", "write_svg"),
     "pdf": ("plan.sheet", "write_pdf"),
+    "ifc": ("ifc.write", "write_ifc"),
     "pgm": ("ros_map", "write_ros_map"),
     "ply": ("points", "write_ply"),
     "pcd": ("points", "write_pcd"),
     "glb": ("mesh", "write_glb"),
     "bt": ("octree", "write_bt"),
     "geojson": ("geojson", "write_geojson"),
-    "json": ("records", "write_json"),
+    "json": ("map_record", "write_json"),
 }
 """Module of this package and function of each format; a module loads only when it is needed."""
 
@@ -70,7 +71,7 @@ def _writer(name: str, labels: Labels) -> Callable[[Survey, Path], None]:
     module, function = WRITERS[name]
     write: Any = getattr(import_module(f"companion.export.{module}"), function)
     match name:
-        case "dxf" | "svg" | "pdf":
+        case "dxf" | "svg" | "pdf" | "ifc":
             return partial(write, labels=labels)
         case "geojson":
             return partial(write, place=labels.place)

@@ -15,11 +15,12 @@ from typing import TypeVar
 import numpy as np
 
 from companion.core.background_writer import BackgroundWriter
-from companion.core.errors import CompanionError, OutputError
+from companion.core.errors import CompanionError, OutputError, RecordingError
 from companion.core.frames import Vector2, ned_to_enu
 from companion.core.messages import FloorPlan, Pose, Surface, WallSegment
 from companion.core.textfile import read_text
 from companion.export.map_png import draw
+from companion.export.map_record import VERSION, in_json, map_record
 
 _T = TypeVar("_T")
 
@@ -45,14 +46,20 @@ end_header
 """Begin of the PLY file. A library that writes it takes longer to load than all else at the end."""
 
 
-def save(plan: FloorPlan, folder: Path) -> list[Path]:
+def save(plan: FloorPlan, folder: Path, unfinished: str = "") -> list[Path]:
     """Write map.json, map.png and map.ply and return their paths; one failure stops no other.
+
+    `unfinished`: why the mission was not completed; empty if it was.
 
     Raises:
         OutputError: a file cannot be written; the message names every such file.
     """
     paths = [folder / name for name in MAP_WRITERS]
-    each_by_itself(partial(save_as, MAP_WRITERS[path.name], plan, path) for path in paths)
+
+    def write(name: str, content: FloorPlan, path: Path) -> None:
+        MAP_WRITERS[name](content, path, unfinished)
+
+    each_by_itself(partial(save_as, partial(write, path.name), plan, path) for path in paths)
     return paths
 
 
@@ -94,53 +101,23 @@ def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> Non
 
 def save_json(plan: FloorPlan, path: Path) -> None:
     """Write walls with their standard deviations, and the path; local NED, m, rad, s."""
-    path.write_text(
-        json.dumps(
-            {
-                "frame": "local NED: origin at take-off, x along the first heading, z down",
-                "ceiling_m": plan.ceiling_m,
-                "floor_m": plan.floor_m,
-                "tops": [_surface_record(surface) for surface in plan.tops],
-                "walls": [_wall_record(wall) for wall in plan.walls],
-                "path": [_pose_record(pose) for pose in plan.path],
-            },
-            indent=1,
-        ),
-        encoding="utf-8",
-    )
-
-
-def _wall_record(wall: WallSegment) -> dict[str, object]:
-    return {
-        "start_ne_m": wall.start_ne_m,
-        "end_ne_m": wall.end_ne_m,
-        "sigma_m": wall.sigma_m,
-        "normal_sigma_rad": wall.normal_sigma_rad,
-        "hits": wall.hits,
-    }
-
-
-def _surface_record(surface: Surface) -> dict[str, object]:
-    return {
-        "centre_ne_m": surface.centre_ne_m,
-        "height_m": surface.height_m,
-        "area_m2": surface.area_m2,
-    }
-
-
-def _pose_record(pose: Pose) -> dict[str, float]:
-    return {
-        "time_s": pose.time_s,
-        "north_m": pose.north_m,
-        "east_m": pose.east_m,
-        "down_m": pose.down_m,
-        "yaw_rad": pose.yaw_rad,
-    }
+    path.write_text(in_json(map_record(plan)), encoding="utf-8")
 
 
 def load_json(path: Path) -> FloorPlan:
-    """Read a map that `save_json` wrote; the file does not contain hits."""
+    """Read a map that `save_json` wrote, of this version or before; it does not contain hits.
+
+    Raises:
+        RecordingError: it is no map, or a later version wrote it.
+    """
     record = json.loads(read_text(path))
+    if not isinstance(record, dict):
+        raise RecordingError(f"{path}: is no map; give map.json")
+    if record.get("version", VERSION) > VERSION:
+        raise RecordingError(
+            f"{path}: version = {record['version']}: this program reads versions up to {VERSION}; "
+            "update pdps-companion"
+        )
     return FloorPlan(
         walls=tuple(
             WallSegment(
@@ -191,11 +168,12 @@ def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, floa
     ]
 
 
-MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path], None]] = {
-    "map.json": save_json,
+MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path, str], None]] = {
+    "map.json": lambda plan, path, _: save_json(plan, path),
     "map.png": draw,
-    "map.ply": save_ply,
+    "map.ply": lambda plan, path, _: save_ply(plan, path),
 }
+"""Writer of each file of a flight; the text is why the mission was not completed."""
 
 
 class AutoSave:

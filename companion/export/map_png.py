@@ -17,10 +17,13 @@ AROUND_MM = 22.0
 """Margin around the plan for dimensions and scale bar, mm. Chosen."""
 
 
-def draw(plan: FloorPlan, path: Path) -> None:
-    """Write a PNG of the plan with hits and path. Each flight of a joint map has its own colour."""
+def draw(plan: FloorPlan, path: Path, unfinished: str = "") -> None:
+    """Write a PNG of the plan with hits and path. Each flight of a joint map has its own colour.
+
+    `unfinished`: why the mission was not completed; then the plan says so, and shows where it ends.
+    """
     from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
-    from companion.export.plan import drawing, figure  # noqa: PLC0415
+    from companion.export.plan import drawing, figure, unseen  # noqa: PLC0415
 
     plan = turned(plan, main_direction_rad(plan.walls))
     west_m, south_m, east_m, north_m = extent_m(plan, with_path=True)
@@ -33,8 +36,11 @@ def draw(plan: FloorPlan, path: Path) -> None:
     middle_x_m, middle_y_m = (west_m + east_m) / 2, (south_m + north_m) / 2
     axes.set_xlim(middle_x_m - half_m, middle_x_m + half_m)
     axes.set_ylim(middle_y_m - half_m, middle_y_m + half_m)
-    shapes = drawing.draw(plan, (), (), drawing.Contents(), m_per_mm)
+    unseen_ne_m = unseen.unseen_borders(plan) if unfinished else ()
+    shapes = drawing.draw(plan, (), (), drawing.Contents(), m_per_mm, unseen_ne_m=unseen_ne_m)
     figure.draw_in(axes, shapes, m_per_mm)
+    if unfinished:
+        figure.stamp(axes)
     _scale_bar(axes, m_per_mm, figure.INK)
     if plan.path or plan.walls:
         figure.legend(picture, shapes)

@@ -16,7 +16,7 @@ GREY = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 
 def write_ros_map(survey: Survey, path: Path) -> None:
     """Write the PGM to `path` and the YAML file beside it."""
-    drawn = cells(survey)
+    drawn = cells(survey.plan)
     greys = np.array([GREY[state] for state in sorted(GREY)], dtype=np.uint8)
     picture = greys[drawn.states[::-1]]
     rows, columns = picture.shape

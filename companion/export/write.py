@@ -8,7 +8,7 @@ from companion.core.messages import FloorPlan
 from companion.export.map_files import save_as, save_json
 from companion.export.map_png import draw
 
-FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson")
+FORMATS = ("png", "json", "dxf", "svg", "pdf", "ifc", "pgm", "ply", "pcd", "glb", "bt", "geojson")
 """Known suffixes of file names, without the dot."""
 
 

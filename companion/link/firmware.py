@@ -35,6 +35,19 @@ def _bytewise_int(name: str, value: int) -> Parameter:
     return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
 
 
+FENCE_OUTSIDE_M = 1.0
+"""Distance of the autopilot's fence beyond the companion's limits, m: the least FENCE_MARGIN, by
+which ArduPilot's avoidance stops before its fence."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """Limits of a flight from the take-off place, m; None: no limit."""
+
+    height_m: float | None
+    distance_m: float | None
+
+
 MULTICOPTERS = frozenset(
     {
         mavlink.MAV_TYPE_TRICOPTER,
@@ -73,6 +86,11 @@ class Firmware(Protocol):
     """
     pose_needs: ClassVar[Mapping[str, int]]
     """Parameter values required to use our pose together with the autopilot's own velocity."""
+    holding_modes: ClassVar[tuple[str, ...]]
+    """Modes in which the drone holds its height when the pilot takes it over at mid-stick."""
+    lands_on_setpoint_loss: ClassVar[bool]
+    """After the setpoint timeout it changes to LAND; otherwise it brakes, which only shows in
+    flight."""
 
     def mode_name(self, custom_mode: int) -> str: ...
 
@@ -86,6 +104,10 @@ class Firmware(Protocol):
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         """Required parameters for the setpoint timeout and the action after it."""
+        ...
+
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        """Parameters of a fence `FENCE_OUTSIDE_M` beyond the limits, at which the drone lands."""
         ...
 
     def parameter_value(self, message: Any) -> float:
@@ -122,9 +144,13 @@ class ArduPilot:
     pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
         {"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 5, "EK3_SRC1_YAW": 6}
     )
+    holding_modes: ClassVar[tuple[str, ...]] = ("LOITER", "POSHOLD", "ALT_HOLD")
+    lands_on_setpoint_loss: ClassVar[bool] = False
 
     GUIDED, LAND = 4, 9
     """HEARTBEAT.custom_mode of the two modes."""
+    FENCE_HEIGHT, FENCE_CIRCLE, FENCE_LANDS = 1, 2, 2
+    """Bits of FENCE_TYPE, and the value of FENCE_ACTION that always lands."""
     POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
     """One of the flags is sufficient: with optical flow alone, the position is only relative."""
 
@@ -147,6 +173,20 @@ class ArduPilot:
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         return (_real("GUID_TIMEOUT", setpoint_loss_s),)
+
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        parameters = [
+            _real("FENCE_MARGIN", FENCE_OUTSIDE_M),
+            _real("FENCE_ACTION", self.FENCE_LANDS),
+        ]
+        types = 0
+        if fence.height_m is not None:
+            types |= self.FENCE_HEIGHT
+            parameters.append(_real("FENCE_ALT_MAX", fence.height_m + FENCE_OUTSIDE_M))
+        if fence.distance_m is not None:
+            types |= self.FENCE_CIRCLE
+            parameters.append(_real("FENCE_RADIUS", fence.distance_m + FENCE_OUTSIDE_M))
+        return (*parameters, _real("FENCE_TYPE", types), _real("FENCE_ENABLE", 1))
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -196,9 +236,13 @@ class Px4:
     pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
         {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
     )
+    holding_modes: ClassVar[tuple[str, ...]] = ("POSCTL", "ALTCTL", "HOLD")
+    lands_on_setpoint_loss: ClassVar[bool] = True
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
     """Main modes OFFBOARD and AUTO, and the sub mode LAND of AUTO."""
+    FENCE_LANDS = 5
+    """Value of GF_ACTION that lands."""
 
     def mode_name(self, custom_mode: int) -> str:
         return PX4_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -226,6 +270,11 @@ class Px4:
             _real("COM_OF_LOSS_T", setpoint_loss_s),
             _bytewise_int("COM_OBL_RC_ACT", PX4_LAND_ON_SETPOINT_LOSS),
         )
+
+    def fence_parameters(self, fence: Fence) -> tuple[Parameter, ...]:
+        limits = (("GF_MAX_VER_DIST", fence.height_m), ("GF_MAX_HOR_DIST", fence.distance_m))
+        parameters = [_real(n, limit + FENCE_OUTSIDE_M) for n, limit in limits if limit is not None]
+        return (*parameters, _bytewise_int("GF_ACTION", self.FENCE_LANDS))
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

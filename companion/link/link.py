@@ -15,11 +15,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
-from companion.link.firmware import Firmware, Parameter, firmware_of
+from companion.link.firmware import Fence, Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.origin import Origin
 from companion.link.parameters import ReadParameters
+from companion.link.pilot import Pilot
 from companion.link.pose_report import PoseReport
 from companion.link.pose_source import PoseSource
 from companion.link.requests import CommandSender, Stream
@@ -60,12 +61,24 @@ class Listener(Protocol):
 
 
 class Link:
-    """Connection to one vehicle; time is an argument throughout."""
+    """Connection to one vehicle; time is an argument throughout.
+
+    With `needs_pilot` the vehicle is not ready before a pilot could take it over, and with `fence`
+    not before it has confirmed this fence, which is written to its parameters.
+    """
 
     def __init__(
-        self, transport: Transport, config: LinkConfig, listeners: Sequence[Listener] = ()
+        self,
+        transport: Transport,
+        config: LinkConfig,
+        listeners: Sequence[Listener] = (),
+        *,
+        needs_pilot: bool = False,
+        fence: Fence | None = None,
     ) -> None:
+        self._fence = fence
         self._listeners = listeners
+        self._pilot = Pilot() if needs_pilot else None
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._component_id = config.component_id
@@ -92,6 +105,11 @@ class Link:
         """By message id."""
         self._parameters_set: dict[str, bool] = {}
         self._asked_s = self._heartbeat_s = float("-inf")
+
+    @property
+    def firmware(self) -> Firmware | None:
+        """The vehicle's firmware; None before its first heartbeat."""
+        return self._firmware
 
     @property
     def streams(self) -> Sequence[Stream]:
@@ -146,6 +164,8 @@ class Link:
         elif kind == "SYS_STATUS":
             known = 0 <= message.battery_remaining <= 100  # -1: unknown
             self._battery = message.battery_remaining / 100 if known else None
+            if self._pilot is not None:
+                self._pilot.receive(message)
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
         elif kind == "GPS_GLOBAL_ORIGIN":
@@ -174,6 +194,8 @@ class Link:
         firmware = firmware_of(heartbeat.autopilot, heartbeat.type)
         if firmware is not None:
             self._safety = firmware.safety_parameters(self._setpoint_loss_s)
+            if self._fence is not None:
+                self._safety += firmware.fence_parameters(self._fence)
             pose_needs = firmware.pose_needs if self._pose_report is not None else {}
             self._read.want([*firmware.texts_need, *pose_needs])
             rates_hz = {
@@ -272,17 +294,26 @@ class Link:
         return messages
 
     def _waits_for(self, now_s: float) -> str:
-        """Reason why the autopilot's estimate cannot be used yet; empty if it can."""
-        if complaint := self._pose_complaint(now_s):
-            return complaint
-        if self._estimate_complaint:
-            return self._estimate_complaint
+        """Reason why the autopilot cannot be flown yet; empty if it can."""
+        return (
+            self._pose_complaint(now_s)
+            or self._estimate_complaint
+            or self._report_complaint()
+            or self._pilot_complaint()
+        )
+
+    def _report_complaint(self) -> str:
         if not self._odometry.has_position:
             return "it does not send LOCAL_POSITION_NED"
         if self._landed_state is LandedState.UNKNOWN:
             return "it does not report whether it has landed (EXTENDED_SYS_STATE)"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
         return f"it does not confirm {', '.join(unset)}" if unset else ""
+
+    def _pilot_complaint(self) -> str:
+        if self._pilot is None or self._firmware is None:
+            return ""
+        return self._pilot.complaint(self._firmware, self._firmware.mode_name(self._custom_mode))
 
     def _pose_complaint(self, now_s: float) -> str:
         """Reason why the autopilot cannot use our pose; empty if it can or if no pose is sent."""

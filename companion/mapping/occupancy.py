@@ -143,6 +143,14 @@ class Occupancy:
         log_odds[rows[inside], columns[inside]] = MAX_LOG_ODDS
         return self._with(self._low, self._layers._replace(log_odds=log_odds))
 
+    def within(self, radius_m: float) -> "Occupancy":
+        """This grid, with no cell allowed beyond a distance of the origin; nothing else copied."""
+        rows, columns = self.shape
+        north_m = CELL_M * (np.arange(rows) + self._low[0] + 0.5)
+        east_m = CELL_M * (np.arange(columns) + self._low[1] + 0.5)
+        is_inside = north_m[:, None] ** 2 + east_m**2 <= radius_m**2
+        return self._with(self._low, self._layers._replace(allowed=self.allowed & is_inside))
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All content by name, for `of_arrays`."""
         where = {"low": np.array(self._low), "is_all_allowed": np.array(self._is_all_allowed)}

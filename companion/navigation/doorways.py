@@ -156,14 +156,19 @@ def on_the_way(
     known: Sequence[Doorway], found: Sequence[Doorway], here: Vector2, way: Way
 ) -> tuple[Doorway, ...]:
     """Doorways found on the path, and known doorways that the path crosses, in its order."""
+    legs = list(pairwise((here, *way)))
     passed = list(found)
-    for leg, (start, end) in enumerate(pairwise((here, *way))):
+    for leg, (start, end) in enumerate(legs):
         passed += [
             replace(doorway, leg=leg, through_ne=doorway.towards(end))
             for doorway in known
             if doorway.is_between(start, end) and not any(map(doorway.is_same, found))
         ]
-    return tuple(sorted(passed, key=lambda doorway: doorway.leg))
+
+    def order(doorway: Doorway) -> tuple[int, float]:
+        return doorway.leg, math.dist(legs[doorway.leg][0], doorway.middle_ne_m)
+
+    return tuple(sorted(passed, key=order))
 
 
 def too_narrow(known: Sequence[Doorway], grid: Occupancy) -> tuple[Doorway, ...]:
@@ -197,23 +202,39 @@ def with_shut(ground: CostGrid, doorways: Sequence[Doorway]) -> CostGrid:
 
 
 def passed_squarely(ground: CostGrid, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
-    """The path, routed through the doorways' middles at right angles."""
-    squared: list[Vector2] = []
+    """The path, routed through the doorways' middles at right angles.
+
+    A doorway is left as planned if the drone does not fit along that route. In a corridor as narrow
+    as a doorway, a right angle to two cells of its walls may point at a wall.
+    """
+    squared: Way = way
+    straight: tuple[Doorway, ...] = ()
+    planned = set(pairwise((here, *way)))
+    for doorway in doorways:
+        tried = _routed(here, way, (*straight, doorway))
+        new = set(pairwise((here, *tried))) - planned
+        if all(ground.fits_along(*leg) for leg in new):
+            squared, straight = tried, (*straight, doorway)
+    return squared
+
+
+def _routed(here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
+    """The path by a place before and one after each doorway, without its corners near them.
+
+    Where doorways are so near that these places overlap, the path never leads back.
+    """
+    routed: list[Vector2] = []
     for leg, corner in enumerate(way):
         is_last = leg == len(way) - 1
         for doorway in doorways:
-            if doorway.leg != leg:
-                continue
-            goes_to_m = doorway.along_m(corner) if is_last else math.inf
-            squared += [
-                doorway.at_m(along_m)
-                for along_m in (-AWAY_M, AWAY_M)
-                if doorway.along_m(here) < along_m < goes_to_m
-                and ground.fits(doorway.at_m(along_m))
-            ]
+            if doorway.leg == leg:
+                from_m = doorway.along_m(routed[-1] if routed else here)
+                to_m = doorway.along_m(corner) if is_last else math.inf
+                ends_m = (m for m in (-AWAY_M, AWAY_M) if from_m < m < to_m)
+                routed += [doorway.at_m(along_m) for along_m in ends_m]
         if is_last or all(math.dist(corner, d.middle_ne_m) > AWAY_M for d in doorways):
-            squared.append(corner)
-    return tuple(squared)
+            routed.append(corner)
+    return tuple(routed)
 
 
 def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:

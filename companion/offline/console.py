@@ -1,7 +1,7 @@
 """Terminal output of `companion map`."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 from rich.text import Text
 
-from companion.offline.files import walls_length_m
+from companion.offline.files import stretch_name, walls_length_m
 from companion.offline.mapper import LogMap
 from companion.offline.reading.log import Log
 
@@ -48,17 +48,28 @@ class LogProgress:
         self._bars.update(self._tasks[activity], completed=share)
 
 
-def log_summary(result: LogMap, files: list[Path]) -> Table:
-    """A table of the result and its verdict."""
+def log_summary(result: LogMap, stretches: Sequence[LogMap], files: list[Path]) -> Table:
+    """A table of the result and its verdict, and of the stretches that hold."""
     table = Table(title=Text("log"), show_header=False, title_justify="left")
     for name, value in (
         ("verdict", f"{result.verdict.word}: {result.verdict.reason}"),
         *_reading_rows(result.log),
         *_result_rows(result),
+        *_stretch_rows(result, stretches),
         ("files", ", ".join(str(file) for file in files)),
     ):
         table.add_row(name, Text(value))
     return table
+
+
+def _stretch_rows(result: LogMap, stretches: Sequence[LogMap]) -> Iterator[tuple[str, str]]:
+    begin_s = float(result.log.time_s[0])
+    for number, stretch in enumerate(stretches, start=1):
+        from_s, to_s = stretch.log.time_s[[0, -1]] - begin_s
+        yield (
+            stretch_name(number),
+            f"holds by itself from {from_s:.0f} to {to_s:.0f} s: {stretch.verdict.reason}",
+        )
 
 
 def _reading_rows(log: Log) -> Iterator[tuple[str, str]]:

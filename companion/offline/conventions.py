@@ -32,7 +32,7 @@ def likelier_axes(
 
     The functions return the mean gain (`held_out.py`) of a log.
     """
-    first = _first_rows(log)
+    first = log.part(slice(TRIED_ROWS))
     conventions = _conventions(first)
     gains = [gain_by_odometry(changed) for _, changed in conventions]
     best = int(np.argmax(gains))
@@ -57,17 +57,6 @@ def _conventions(log: Log) -> list[tuple[str, Log]]:
         ("odom_x_m and odom_y_m exchanged", replace(log, odometry=log.odometry[:, [1, 0, 2]])),
         ("all sensors turned by 180°, as front_m and back_m", _with_beams(log, TURNED)),
     ]
-
-
-def _first_rows(log: Log) -> Log:
-    rows = slice(TRIED_ROWS)
-    return replace(
-        log,
-        time_s=log.time_s[rows],
-        odometry=log.odometry[rows],
-        ranges_m={beam: values[rows] for beam, values in log.ranges_m.items()},
-        gyro_rad_s=None if log.gyro_rad_s is None else log.gyro_rad_s[rows],
-    )
 
 
 def _with_beams(log: Log, source: dict[Beam, Beam]) -> Log:

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -19,29 +19,65 @@ from companion.offline.verdict import Agreement
 Report = dict[str, object]
 
 
-def save_results(result: LogMap, folder: Path) -> list[Path]:
+def save_results(result: LogMap, stretches: Sequence[LogMap], folder: Path) -> list[Path]:
     """Write map.json, map.png, map.ply, trajectory.tum and report.json; returns their paths.
+
+    The same files of each stretch go into a folder of its own, `stretch_1` and so on.
 
     Raises:
         OutputError: names the files that cannot be written; all others are written.
     """
-    texts = {"trajectory.tum": trajectory_tum, "report.json": report_json}
     files: list[Path] = []
     each_by_itself(
         (
-            lambda: files.extend(save(result.plan, folder)),
-            *(partial(_save_text, text, result, folder / name) for name, text in texts.items()),
+            partial(_save_one, result, stretches, folder, files),
+            *(
+                partial(_save_one, each, (), folder / stretch_name(number), files)
+                for number, each in enumerate(stretches, start=1)
+            ),
         )
     )
-    return files + [folder / name for name in texts]
+    return files
 
 
-def _save_text(text: Callable[[LogMap], str], result: LogMap, path: Path) -> None:
-    save_as(lambda result, path: path.write_text(text(result), encoding="utf-8"), result, path)
+def stretch_name(number: int) -> str:
+    """Name of the folder of a stretch, counted from 1."""
+    return f"stretch_{number}"
 
 
-def report_json(result: LogMap) -> str:
-    return json.dumps(report(result), indent=1, allow_nan=False)
+def _save_one(result: LogMap, stretches: Sequence[LogMap], folder: Path, files: list[Path]) -> None:
+    texts = {
+        "trajectory.tum": trajectory_tum(result),
+        "report.json": report_json(result, stretches),
+    }
+
+    def save_text(name: str) -> None:
+        save_as(
+            lambda text, path: path.write_text(text, encoding="utf-8"), texts[name], folder / name
+        )
+        files.append(folder / name)
+
+    each_by_itself(
+        (
+            lambda: files.extend(save(result.plan, folder)),
+            *(partial(save_text, name) for name in texts),
+        )
+    )
+
+
+def report_json(result: LogMap, stretches: Sequence[LogMap] = ()) -> str:
+    """The report as JSON; `stretches`: those that hold, if the whole does not."""
+    found = {**report(result), "stretches": [_stretch(*each) for each in enumerate(stretches, 1)]}
+    return json.dumps(found, indent=1, allow_nan=False)
+
+
+def _stretch(number: int, result: LogMap) -> Report:
+    return {
+        "folder": stretch_name(number),
+        "from_s": float(result.log.time_s[0]),
+        "to_s": float(result.log.time_s[-1]),
+        "reason": result.verdict.reason,
+    }
 
 
 def trajectory_tum(result: LogMap) -> str:

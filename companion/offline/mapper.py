@@ -56,9 +56,9 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     axes = likelier_axes(
         log,
         lambda changed: _odometry_gain(changed, sensors),
-        lambda changed: _mapped(changed, sensors, ignore).agreement.gain,
+        lambda changed: map_part(changed, sensors, ignore).agreement.gain,
     )
-    return _mapped(log, sensors, watch, axes)
+    return map_part(log, sensors, watch, axes)
 
 
 def _odometry_gain(log: Log, sensors: SensorsConfig) -> float:
@@ -69,8 +69,8 @@ def _odometry_gain(log: Log, sensors: SensorsConfig) -> float:
     return mean_gain(gains(_held_to_odometry(record, units, _support(log)), record.measured, units))
 
 
-def _mapped(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = None) -> LogMap:
-    """Map a log; `axes`: what to change in it, if its axes are probably others."""
+def map_part(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = None) -> LogMap:
+    """Map a log with the axes that it has; `axes`: what to change, if others are likelier."""
     beams = horizontal_beams(log, sensors)
     record, support = to_record(log, beams), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})

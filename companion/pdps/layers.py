@@ -34,6 +34,7 @@ from companion.pdps.claims import Choice, first_layer, is_complete, is_others_la
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.overflight import Overfly, OverflyPhase
 from companion.pdps.viewpoints import Viewpoint, looks
+from companion.safety import fence
 from companion.safety.control_laws import stay
 from companion.safety.velocity_guard import clear_of_all_m
 
@@ -179,7 +180,7 @@ def _return(
     if going.phase is TravelPhase.ARRIVED:
         if observation.team_layers is not None:
             return replace(layers, phase=LayersPhase.CHOOSE), setpoint
-        if fits_above(_above_layer_m(layers.number, observation, plan), plan):
+        if fits_above(_above_layer_m(layers.number, observation, plan), layers.number, plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
         return replace(layers, phase=LayersPhase.OVERFLY), setpoint
@@ -256,24 +257,28 @@ def _above_layer_m(number: int, observation: Observation, plan: MissionConfig) -
     return observation.clear_m(Beam.UP) - off_m
 
 
-def fits_above(above_m: float, plan: MissionConfig) -> bool:
+def fits_above(above_m: float, number: int, plan: MissionConfig) -> bool:
     """True if the room above a drone in a layer, m, is enough for the next layer."""
-    return _number_above(above_m, plan) > 0
+    return _number_above(above_m, number, plan) > 0
 
 
-def _number_above(above_m: float, plan: MissionConfig) -> int:
+def _number_above(above_m: float, number: int, plan: MissionConfig) -> int:
     """Number of layers that fit into the room above a layer, m; 1 if no ceiling is in range."""
     if math.isinf(above_m):
-        return 1
-    room_m = above_m - plan.clearance_m - OVER_HEAD_M
-    return max(math.floor(room_m / plan.layer_spacing_m), 0)
+        fitting = 1
+    else:
+        room_m = above_m - plan.clearance_m - OVER_HEAD_M
+        fitting = max(math.floor(room_m / plan.layer_spacing_m), 0)
+    while fitting and layer_height_m(number + fitting, plan) > fence.top_m(plan):
+        fitting -= 1
+    return fitting
 
 
 def _highest(
     choice: Choice | None, present: int, observation: Observation, plan: MissionConfig
 ) -> int:
     """The highest layer that fits above the start, over which the drone is in a layer."""
-    now = present + _number_above(_above_layer_m(present, observation, plan), plan)
+    now = present + _number_above(_above_layer_m(present, observation, plan), present, plan)
     return min(max(choice.top if choice else 0, now), MAX_LAYERS - 1)
 
 

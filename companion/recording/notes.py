@@ -1,37 +1,44 @@
-"""Records human-readable topics: for plots, 3D views and logs."""
+"""Writes human-readable topics, into a file or a live stream: for plots, 3D views and logs."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
 from msgspec import json
 
-from companion.core.messages import Beam, GyroSample, WallSegment
+from companion.core.messages import Beam, GyroSample, VehicleState, WallSegment
 from companion.pdps.flight.state import FlightState, Phase
 from companion.recording import foxglove, topics
-from companion.recording.mcap_file import McapFile
-from companion.recording.topics import PhaseRecord
+from companion.recording.topics import PhaseRecord, VehicleRecord
 from companion.ticks import Inputs, Outputs
 
 NUMBERS_PERIOD_S = 0.1
 """Interval of the topics for plots, s. Chosen."""
 SCENE_PERIOD_S = 0.2
 """Interval of the topics for 3D views, s. Chosen: each message costs some ten microseconds."""
-PHASE_PERIOD_S = 1.0
-"""Interval of repeated phase messages, s. Chosen."""
+STATE_PERIOD_S = 1.0
+"""Interval of repeated messages about the phase and the vehicle, s. Chosen."""
+
+
+class Sink(Protocol):
+    """Takes encoded messages: a file, or a live stream."""
+
+    def add(self, topic: str, time_s: float, data: bytes) -> None: ...
 
 
 class Notes:
-    """Writes ticks to the topics of one file."""
+    """Writes ticks to the topics of one sink."""
 
-    def __init__(self, file: McapFile, mount_offset_m: float) -> None:
-        self._file = file
+    def __init__(self, sink: Sink, mount_offset_m: float) -> None:
+        self._sink = sink
         self._mount_offset_m = mount_offset_m
         self._gyro: list[GyroSample] = []
         self._failures: dict[Beam, str] = {}
         """State of each beam that gives no reading."""
         self._flight: FlightState | None = None
-        self._numbers_s = self._scene_s = self._phase_s = float("-inf")
+        self._vehicle: VehicleRecord | None = None
+        self._numbers_s = self._scene_s = self._phase_s = self._vehicle_s = float("-inf")
 
     def add(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         self._gyro += inputs.gyro
@@ -43,6 +50,7 @@ class Notes:
             self._add_scene(now_s, inputs, outputs)
         self._add_faults(now_s, inputs, outputs)
         self._add_phase(now_s, outputs.flight)
+        self._add_vehicle(now_s, inputs.telemetry.vehicle)
 
     def add_walls(
         self, now_s: float, walls: Sequence[WallSegment], ceiling_m: float | None = None
@@ -50,16 +58,16 @@ class Notes:
         self._add(topics.WALLS, now_s, foxglove.walls_scene(now_s, walls, ceiling_m))
 
     def _add(self, topic: str, now_s: float, message: Message) -> None:
-        self._file.add(topic, now_s, message.SerializeToString())
+        self._sink.add(topic, now_s, message.SerializeToString())
 
     def _add_numbers(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        self._file.add(topics.RANGES, now_s, json.encode(inputs.scan.readings))
+        self._sink.add(topics.RANGES, now_s, json.encode(inputs.scan.readings))
         if outputs.pose is not None:
-            self._file.add(topics.ESTIMATE, now_s, json.encode(outputs.pose))
-        self._file.add(topics.GYRO, now_s, json.encode({"samples": self._gyro}))
+            self._sink.add(topics.ESTIMATE, now_s, json.encode(outputs.pose))
+        self._sink.add(topics.GYRO, now_s, json.encode({"samples": self._gyro}))
         self._gyro = []
         if outputs.setpoint is not None:
-            self._file.add(topics.SETPOINT, now_s, json.encode(outputs.setpoint))
+            self._sink.add(topics.SETPOINT, now_s, json.encode(outputs.setpoint))
 
     def _add_scene(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         if outputs.pose is not None:
@@ -96,9 +104,16 @@ class Notes:
         """Record the phase when it changes, and once a second."""
         last, self._flight = self._flight, flight
         is_new = flight is not last and (last is None or _texts(flight) != _texts(last))
-        if is_new or now_s - self._phase_s >= PHASE_PERIOD_S:
+        if is_new or now_s - self._phase_s >= STATE_PERIOD_S:
             self._phase_s = now_s
-            self._file.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_texts(flight))))
+            self._sink.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_texts(flight))))
+
+    def _add_vehicle(self, now_s: float, state: VehicleState) -> None:
+        """Record the autopilot's state when it changes, and once a second."""
+        vehicle = VehicleRecord(state.mode, state.armed, state.battery)
+        if vehicle != self._vehicle or now_s - self._vehicle_s >= STATE_PERIOD_S:
+            self._vehicle, self._vehicle_s = vehicle, now_s
+            self._sink.add(topics.VEHICLE, now_s, json.encode(vehicle))
 
 
 def _texts(flight: FlightState) -> tuple[str, str, str]:

@@ -19,8 +19,16 @@ ANSWER_S = 10.0
 """Longest wait for the disk, s. Chosen."""
 
 
-def refuse_no_room(folder: Path, config: Config) -> None:
+def needed_bytes(config: Config) -> int:
+    """Upper limit of the flight's files, bytes."""
+    minutes = config.mission.time_limit_s / 60 if config.recording.enabled else 0
+    return MIN_FREE_BYTES + int(minutes * BYTES_PER_MIN)
+
+
+def refuse_no_room(folder: Path, config: Config) -> int:
     """Check that files can be written to a folder, and that it has room for the flight's files.
+
+    Returns the free space, bytes.
 
     Raises:
         OutputError: names the folder and the reason.
@@ -34,15 +42,13 @@ def refuse_no_room(folder: Path, config: Config) -> None:
             f"{folder}: {attempt.trouble}; the flight could not be saved there; "
             "fix this or use another --out"
         )
-    needed = MIN_FREE_BYTES
-    if config.recording.enabled:
-        needed += int(config.mission.time_limit_s / 60 * BYTES_PER_MIN)
-    free = shutil.disk_usage(folder).free
+    needed, free = needed_bytes(config), shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
             f"{folder}: {free / 1e6:.0f} MB are free, but recording and map may need up to "
             f"{needed / 1e6:.0f} MB; free some space or use another --out"
         )
+    return free
 
 
 def _try_write(folder: Path) -> None:

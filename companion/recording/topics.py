@@ -11,14 +11,17 @@
 | /setpoint | companion.Setpoint | velocity FRD and yaw rate; no message: no setpoint sent |
 | /walls | foxglove.SceneUpdate | the present map, ENU |
 | /phase | companion.Phase | the flight's phase by name and in words, and its trouble |
+| /vehicle | companion.Vehicle | the autopilot's mode, whether it is armed, its battery |
 | /faults, /autopilot | foxglove.Log | faults of flight and beams; the autopilot's texts |
 | /config | companion.Config | the effective configuration |
 | /earlier | NumPy archive | the map of earlier flights of the survey, lossless; needed for replay |
 | /map | MessagePack | the final map, lossless |
+
+All but the lossless ones are also published live; see `companion/view/foxglove_live.py`.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
@@ -36,7 +39,8 @@ from companion.core.values import value
 
 INPUTS, RANGES, SCAN, GYRO = "/inputs", "/ranges", "/scan", "/gyro"
 ESTIMATE, POSE, TF, SETPOINT = "/estimate", "/pose", "/tf", "/setpoint"
-WALLS, PHASE, FAULTS, AUTOPILOT = "/walls", "/phase", "/faults", "/autopilot"
+WALLS, PHASE, VEHICLE = "/walls", "/phase", "/vehicle"
+FAULTS, AUTOPILOT = "/faults", "/autopilot"
 CONFIG, EARLIER, MAP = "/config", "/earlier", "/map"
 
 MESSAGE_PACK, NUMPY_ARCHIVE = "msgpack", "npz"
@@ -54,8 +58,19 @@ class PhaseRecord:
     trouble: str
 
 
+@value
+class VehicleRecord:
+    """The autopilot's state at one moment."""
+
+    mode: str
+    armed: bool
+    battery: float | None
+    """Remaining share, 0 to 1; None if not reported."""
+
+
 _NUMBER: JsonSchema = {"type": "number"}
 _TEXT: JsonSchema = {"type": "string"}
+_FLAG: JsonSchema = {"type": "boolean"}
 
 
 def _object(properties: Mapping[str, JsonSchema]) -> JsonSchema:
@@ -82,23 +97,44 @@ _JSON: Mapping[str, tuple[str, JsonSchema]] = {
         "companion.Phase",
         _object({"time_s": _NUMBER, "phase": _TEXT, "activity": _TEXT, "trouble": _TEXT}),
     ),
+    VEHICLE: (
+        "companion.Vehicle",
+        _object({"mode": _TEXT, "armed": _FLAG, "battery": {"type": ["number", "null"]}}),
+    ),
     CONFIG: ("companion.Config", _object({})),
 }
 _EXACT: Sequence[str] = (INPUTS, MAP)
 
 
-def register(writer: Writer) -> dict[str, int]:
-    """Register all topics with a writer; returns the channel of each."""
-    channels = {}
+@value
+class Described:
+    """A topic that other programs read, with the description of its messages."""
+
+    topic: str
+    message_encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema: bytes
+    """A file descriptor set of protobuf, or a JSON schema."""
+
+
+def described() -> Iterator[Described]:
+    """The topics with a schema, which recordings and live streams have in common."""
     for topic, kind in _PROTOBUF.items():
         descriptors = build_file_descriptor_set(kind).SerializeToString()
         name = kind.DESCRIPTOR.full_name
-        schema = writer.register_schema(name, SchemaEncoding.Protobuf, descriptors)
-        channels[topic] = writer.register_channel(topic, MessageEncoding.Protobuf, schema)
+        yield Described(topic, MessageEncoding.Protobuf, name, SchemaEncoding.Protobuf, descriptors)
     for topic, (name, properties) in _JSON.items():
         text = json.dumps(properties).encode()
-        schema = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
-        channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema)
+        yield Described(topic, MessageEncoding.JSON, name, SchemaEncoding.JSONSchema, text)
+
+
+def register(writer: Writer) -> dict[str, int]:
+    """Register all topics with a writer; returns the channel of each."""
+    channels = {}
+    for each in described():
+        schema = writer.register_schema(each.schema_name, each.schema_encoding, each.schema)
+        channels[each.topic] = writer.register_channel(each.topic, each.message_encoding, schema)
     for topic in _EXACT:
         channels[topic] = writer.register_channel(topic, MESSAGE_PACK, 0)
     channels[EARLIER] = writer.register_channel(EARLIER, NUMPY_ARCHIVE, 0)

@@ -112,7 +112,7 @@ def open_clock(
         ConfigError: SITL's clock needs a UDP link, and `link.url` is not one.
         SensorError: no SITL answers at the address of the bus.
     """
-    if not config.sensors.bus.startswith("sitl://"):
+    if not config.sensors.is_simulated:
         return SystemClock(start_s)
     if not isinstance(transport, UdpTransport):
         raise ConfigError(

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from companion.app import App
-from companion.core.messages import STALE, Order, RangeScan
+from companion.core.messages import STALE, RangeScan
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
 from companion.link.reports import Reports
+from companion.pdps.flight.order import Order
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 from companion.team.radio import NoRadio, TeamRadio

@@ -155,7 +155,8 @@ class Recovery:
         try:
             app = replay(self._recording)
             plan = app.final_floor_plan()
-            self._console.print(summary(app.flight, plan, save(plan, self._out), None))
+            files = save(plan, self._out, app.flight.unfinished)
+            self._console.print(summary(app.flight, plan, files, None))
         except Exception as error:  # another attempt would not help: no flight to save
             self._console.print(f"the map is not saved: {_reason(error)}", soft_wrap=True)
             return EXIT_ENDED

@@ -10,31 +10,21 @@ The control loop is that of `companion fly`. It runs in a thread, independently 
 drone lands when the context ends, for any reason.
 """
 
-import threading
+import math
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from types import TracebackType
-from typing import TypeVar
 
-from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
-from companion.core.errors import FlightEndedError
-from companion.core.messages import Beam, FloorPlan, Order, Pose, RangeReading, Task
-from companion.export.map_files import save
+from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Setpoint
 from companion.export.write import write
-from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
-from companion.run.hardware import open_rig
-from companion.run.loop import ControlLoop
-from companion.team.radio import new_instance
+from companion.pdps.flight.order import Target, Task
+from companion.pdps.flight.state import FINAL_PHASES
+from companion.run.script_flight import OrderedFlight
+from companion.run.script_limits import require_target, require_velocity
+from companion.run.telemetry import Subscriptions
 from companion.team.teammate import Heard
-from companion.ticks import Inputs, Outputs, Progress
-
-T = TypeVar("T")
-LOOK_S = 0.2
-"""Period of the checks while the script waits, s. Chosen."""
 
 
 def connect(
@@ -45,12 +35,13 @@ def connect(
     out: str | Path | None = None,
     settings: Mapping[str, object] | None = None,
     tell: Callable[[str], None] = print,
+    skip_rehearsal: bool = False,
 ) -> "Drone":
     """Create a drone, to be used as a context manager.
 
     `config` is the companion's TOML file. `link`, `bus` and `settings`, such as
     {"mission.height_m": 1.0}, override it. `out` is a folder for recording and map. `tell` receives
-    warnings.
+    warnings. A real drone needs a rehearsal by `companion fly --rehearse`, unless `skip_rehearsal`.
 
     Raises:
         ConfigError: the configuration is invalid; one line that names the key and the remedy.
@@ -58,29 +49,28 @@ def connect(
     given = {"link.url": link, "sensors.bus": bus, **(settings or {})}
     overrides = {key: value for key, value in given.items() if value is not None}
     loaded = configuration.load(Path(config) if config else None, overrides)
-    return Drone(loaded, Path(out) if out else None, tell)
+    return Drone(loaded, Path(out) if out else None, tell, skip_rehearsal=skip_rehearsal)
 
 
 class Drone:
     """One flight. Every step blocks until it is complete.
 
-    Each step raises FlightEndedError if the flight ends first, by a fault, the pilot or the time
-    limit; its text is that of `companion fly`.
+    Each step raises FlightEndedError if the flight ends first, by a fault, the pilot, a lost link
+    or the time limit; its text is that of `companion fly`. It raises NotCompletedError if the
+    flight goes on without the step: if the drone is on the ground, if it turned back for its
+    battery or time and hovers over the start, or if another step or `stop` replaced the step.
     """
 
-    def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        config: Config,
+        out: Path | None,
+        tell: Callable[[str], None],
+        *,
+        skip_rehearsal: bool = False,
+    ) -> None:
         self._config = config
-        self._out = out
-        self._tell = tell
-        self._app = App(config, instance=new_instance())
-        self._order = Order()
-        self._is_to_land = False
-        self._latest: Outputs | None = None
-        self._plan: FloorPlan | None = None
-        self._error: BaseException | None = None
-        self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._ticked = threading.Condition()
-        self._thread = threading.Thread(target=self._fly, name="control loop", daemon=True)
+        self._flight = OrderedFlight(config, out, tell, skip_rehearsal=skip_rehearsal)
 
     def __enter__(self) -> "Drone":
         """Start the control loop and wait for the autopilot.
@@ -88,10 +78,7 @@ class Drone:
         Raises:
             CompanionError: link or sensors cannot be opened, or no autopilot responds.
         """
-        self._thread.start()
-        self._wait(lambda flight: flight.phase is not Phase.CONNECT)
-        if self._flight.phase in FINAL_PHASES:
-            raise FlightEndedError(self._flight.ending)
+        self._flight.begin()
         return self
 
     def __exit__(
@@ -101,21 +88,17 @@ class Drone:
         trace: TracebackType | None,
     ) -> None:
         """Land at the current position if in flight; Ctrl-C leaves the landing to the autopilot."""
-        self._is_to_land = True
-        while self._thread.is_alive():
-            self._thread.join(LOOK_S)
-        if self._error is not None and error is None:
-            raise self._error
+        self._flight.end(error)
 
     # Steps
 
     def take_off(self) -> None:
         """Take off to `mission.height_m`, after the gyro's calibration and a valid estimate."""
-        self._do(Task.TAKE_OFF)
+        self._flight.do(Task.TAKE_OFF)
 
     def scan_room(self) -> None:
         """Scan the current room with PDPS; ends when the outline of the room is closed."""
-        self._do(Task.SCAN, "room")
+        self._flight.do(Task.SCAN, "room")
 
     def explore(self, mission: str = "building") -> None:
         """Map all that is reachable, with mission "building", "exterior" or "layers".
@@ -127,59 +110,116 @@ class Drone:
         """
         if mission not in ("building", "exterior", "layers"):
             raise ValueError(f"mission = {mission!r}: should be building, exterior or layers")
-        self._do(Task.SCAN, mission)
+        self._flight.do(Task.SCAN, mission)
+
+    def fly_to(
+        self,
+        north_m: float,
+        east_m: float,
+        *,
+        height_m: float | None = None,
+        yaw_rad: float | None = None,
+        timeout_s: float | None = None,
+    ) -> None:
+        """Fly to a place through measured free space, round all obstacles, and hover there.
+
+        The place is in the frame of the map: local NED from the take-off place, north along the
+        nose at take-off. The drone travels at the height of the map, `mission.height_m`. Over the
+        place it climbs or descends to `height_m`, above the take-off point, and turns to `yaw_rad`,
+        clockwise from north. If it knows no path, it looks all round once. `timeout_s` is in
+        seconds of the flight. The next step that travels returns to the height of the map first.
+
+        Raises:
+            NotCompletedError: the place is not free, not reachable or not reached in time; the text
+                names the reason and the remedy.
+            ValueError: a height or another value is out of its limits.
+        """
+        target = Target((north_m, east_m), height_m, yaw_rad)
+        require_target(target, timeout_s, self._config.mission)
+        until_s = math.inf if timeout_s is None else self._flight.now_s + timeout_s
+        self._flight.do(Task.FLY_TO, target=target, until_s=until_s)
+
+    def fly_velocity(
+        self,
+        forward_m_s: float = 0.0,
+        right_m_s: float = 0.0,
+        down_m_s: float = 0.0,
+        yaw_rate_rad_s: float = 0.0,
+        *,
+        seconds: float | None = None,
+    ) -> None:
+        """Fly at a velocity in the body frame (FRD), and hover after `seconds` of the flight.
+
+        Without `seconds` it returns at once. Then the drone keeps the velocity for one second, or
+        until the next step: call it again in time. The velocity guard limits every setpoint, so the
+        drone may be slower. Off the height of the map it flies level at no more than 0.2 m/s. Below
+        that height it descends only over a valid reading of the down beam, and not below 0.5 m.
+        `yaw_rate_rad_s` is clockwise.
+
+        Raises:
+            NotCompletedError: the guard has refused the velocity for a second. Without `seconds`,
+                the next call raises it.
+            ValueError: the velocity is above `mission.speed_m_s`, `mission.turn_rate_deg_s` or
+                0.4 m/s up or down, or `seconds` is not positive.
+        """
+        velocity = Setpoint(forward_m_s, right_m_s, down_m_s, yaw_rate_rad_s)
+        require_velocity(velocity, seconds, self._config.mission)
+        if seconds is None:
+            self._flight.keep_velocity(velocity)
+        else:
+            self._flight.fly_velocity(velocity, seconds)
+
+    def stop(self) -> None:
+        """End the present step: the drone hovers, and the step raises NotCompletedError.
+
+        It is for another thread, and returns at once. A landing, a take-off, and the return with
+        the battery or time that is left continue.
+        """
+        self._flight.stop()
 
     def go_home(self) -> None:
         """Fly to the take-off point through free space."""
-        self._do(Task.HOME)
+        self._flight.do(Task.HOME)
 
     def land(self) -> None:
         """Land at the current position, which ends the flight."""
-        self._order = Order(self._order.number + 1, Task.LAND)
-        self._wait(lambda flight: flight.phase in FINAL_PHASES)
-        self._thread.join()
-        if self._error is not None:
-            raise self._error
-        if not self._flight.completed:
-            raise FlightEndedError(self._flight.ending)
+        self._flight.land()
 
     # State and map
 
     @property
+    def telemetry(self) -> Subscriptions:
+        """Subscriptions to pose, readings, battery, activity and walls."""
+        return self._flight.telemetry
+
+    @property
     def activity(self) -> str:
         """Current activity as text; after the flight, its result."""
-        flight = self._flight
+        flight = self._flight.state
         return flight.ending if flight.phase in FINAL_PHASES else flight.activity
 
     @property
     def pose(self) -> Pose | None:
         """Current pose, local NED; None before the gyro is calibrated."""
-        return self._latest.pose if self._latest else None
+        return self._flight.latest.pose if self._flight.latest else None
 
     @property
     def teammates(self) -> tuple[Heard, ...]:
         """The other drones of its team that it hears now."""
-        team, latest = self._app.team, self._latest
-        return team.mates.heard(latest.scan.time_s) if team and latest else ()
+        team = self._flight.app.team
+        return team.mates.heard(self._flight.now_s) if team and self._flight.latest else ()
 
     @property
     def readings(self) -> Mapping[Beam, RangeReading]:
         """Latest range readings by beam."""
-        return self._latest.scan.readings if self._latest else {}
+        return self._flight.latest.scan.readings if self._flight.latest else {}
 
     def map(self) -> FloorPlan:
         """Current map; after landing, the final map with the whole flight smoothed.
 
         Before landing, a wall may be in two pieces, or twice in the map a few centimetres apart.
         """
-        asked: Future[FloorPlan] = Future()
-        self._asked.put(lambda: asked.set_result(self._app.floor_plan()))
-        while not asked.done() and self._thread.is_alive():
-            with self._ticked:
-                self._ticked.wait_for(asked.done, LOOK_S)
-        if self._error is not None:
-            raise self._error
-        return asked.result() if self._plan is None else self._plan
+        return self._flight.plan()
 
     def export(self, path: str | Path) -> None:
         """Write the map to a file; the suffix selects a format of docs/exports.md, or png.
@@ -192,73 +232,3 @@ class Drone:
         link = self._config.link
         place = link.place
         write(self.map(), Path(path), Path(path).stem, place)
-
-    # The control loop's thread
-
-    def _fly(self) -> None:
-        try:
-            self._fly_recorded()
-        except BaseException as error:
-            self._error = error
-        with self._ticked:
-            self._ticked.notify_all()
-
-    def _fly_recorded(self) -> None:
-        with open_rig(self._config, self._out, self._tell) as (rig, recorder):
-
-            def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-                recorder.tick(now_s, inputs, outputs)
-                self._tick(outputs)
-
-            try:
-                ControlLoop(
-                    self._app,
-                    rig,
-                    _nobody_at_a_terminal,
-                    lambda: self._is_to_land,
-                    record,
-                    orders=lambda: self._order,
-                ).run()
-            finally:
-                self._plan = self._app.final_floor_plan()
-                recorder.close(self._plan)
-                if self._out is not None:
-                    save(self._plan, self._out)
-
-    def _tick(self, outputs: Outputs) -> None:
-        while True:
-            try:
-                self._asked.get_nowait()()
-            except Empty:
-                break
-        with self._ticked:
-            self._latest = outputs
-            self._ticked.notify_all()
-
-    @property
-    def _flight(self) -> FlightState:
-        return self._app.flight
-
-    def _do(self, task: Task, mission: str = "") -> None:
-        number = self._order.number + 1
-        self._order = Order(number, task, mission)
-        self._wait(lambda flight: flight.obeyed == number and flight.phase is Phase.HOVER)
-        if self._flight.phase is not Phase.HOVER:
-            raise FlightEndedError(self._flight.ending)
-
-    def _wait(self, is_so: Callable[[FlightState], bool]) -> None:
-        """Wait until the condition is met or the flight has ended."""
-
-        def is_done() -> bool:
-            flight = self._flight
-            return is_so(flight) or flight.phase in FINAL_PHASES or not self._thread.is_alive()
-
-        with self._ticked:
-            while not self._ticked.wait_for(is_done, LOOK_S):  # Ctrl-C gets through in between
-                continue
-        if self._error is not None:
-            raise self._error
-
-
-def _nobody_at_a_terminal(progress: Progress) -> None:
-    """Ignore the progress: a script reads the state it needs."""

@@ -92,7 +92,7 @@ def _leave(
     try:
         plan = app.final_floor_plan()
         recorder.close(plan)
-        return plan, save(plan, out)
+        return plan, save(plan, out, app.flight.unfinished)
     except Exception as error:  # the flight is over and keeps its status
         reason = error if isinstance(error, CompanionError) else repr(error)
         console.print(f"the map is not saved: {reason}", soft_wrap=True)

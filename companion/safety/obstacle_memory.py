@@ -105,6 +105,10 @@ class Surroundings:
     """Least and greatest down velocity that keeps teammates clear, m/s."""
     lane: Callable[[float], Lane] = all_swept
     """Returns the swept part of the path at a bearing, rad, FRD."""
+    edge_frd: Vector2 = (1.0, 0.0)
+    """Unit vector to the nearest edge of the fence."""
+    edge_m: float = math.inf
+    """Distance to it, m; negative outside."""
     is_among_legs: bool = False
     """A thin, isolated obstacle was detected recently."""
     legs: int = 0

@@ -89,15 +89,22 @@ class Passing:
 
 
 def passing_from(
-    pose: Pose, up: RangeReading, mount_offset_m: float, level_m: float, clearance_m: float
+    pose: Pose,
+    up: RangeReading,
+    mount_offset_m: float,
+    level_m: float,
+    clearance_m: float,
+    *,
+    top_m: float = math.inf,
 ) -> Passing | None:
     """The state at the begin of a climb; None if the up beam has not measured enough room for it.
 
-    A drone in a doorway must not climb against the lintel.
+    A drone in a doorway must not climb against the lintel. `top_m` is the greatest height, m.
     """
     if not (up.is_distance or up.state is RangeState.NOTHING):
         return None
-    begun = Passing(pose.ne_m, math.inf).see(pose, up, mount_offset_m)
+    lowest_m = top_m + BODY_RADIUS_M + clearance_m
+    begun = Passing(pose.ne_m, lowest_m).see(pose, up, mount_offset_m)
     has_room = begun.height_m(level_m, clearance_m) - level_m >= MIN_VERTICAL_M
     return begun if has_room else None
 

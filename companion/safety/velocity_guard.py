@@ -102,7 +102,12 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     points = around.points_frd_m
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
-    bounds = _by_points(around, clearance_m, passage), _by_recalled(around), _by_others(around)
+    bounds = (
+        _by_points(around, clearance_m, passage),
+        _by_recalled(around),
+        _by_others(around),
+        _by_edge(around),
+    )
     towards = np.concatenate([each.towards for each in bounds])
     max_m_s = np.concatenate([each.max_m_s for each in bounds])
     sigma_m = np.concatenate([each.sigma_m for each in bounds])
@@ -180,6 +185,17 @@ def _by_others(around: Surroundings) -> _Bounds:
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_TO_DRONES_M_S)
     max_m_s = np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way)
     return _Bounds(towards, max_m_s, np.full_like(away_m, POINT_M))
+
+
+def _by_edge(around: Surroundings) -> _Bounds:
+    """Speed limit of the fence; negative outside it."""
+    if math.isinf(around.edge_m):
+        return _Bounds(np.empty((0, 2)), np.empty(0), np.empty(0))
+    towards = np.array([around.edge_frd])
+    left_m = around.edge_m - _stopping_m(towards, around)
+    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_M_S)
+    max_m_s = np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way)
+    return _Bounds(towards, max_m_s, np.full(1, CELL_M))
 
 
 def _towards(points: Array) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ from companion.navigation.standoff import standoff_m
 from companion.pdps.frontiers import frontiers
 from companion.pdps.layers import fits_above, layer_height_m
 from companion.pdps.viewpoints import looks
+from companion.safety import fence
 from companion.safety.velocity_guard import clear_of_all_m
 
 NEAR_START_M, NEAR_HEIGHT_M = 0.5, 0.15
@@ -71,7 +72,9 @@ def left_to_fly(earlier: EarlierFlights, config: Config) -> Left:
     places: list[Vector2] = []
     away_m = edge_m = 0.0
     for space, tried in zip(_spaces(earlier, plan), earlier.viewpoints, strict=True):
-        ways = find_ways(find_ground(space, START_NE_M, clear_of_all_m(plan)))
+        clear_m = clear_of_all_m(plan)
+        fenced = fence.inside(space, START_NE_M, plan, clear_m)
+        ways = find_ways(find_ground(fenced, START_NE_M, clear_m))
         viewpoints = looks(ways, at_home, plan, tried)
         left = [each.from_ne_m for each in viewpoints if not each.is_extra]
         away_m += sum(float(ways.metres[ways.ground.grid.cell(place)]) for place in left)
@@ -85,13 +88,14 @@ def _fits_above(earlier: EarlierFlights, config: Config) -> bool:
     """True if the up beam measured room for another layer above the start, or nothing at all."""
     plan, mount_m = config.mission, config.sensors.mount_offset_m
     north_m, east_m, at_m, above_m = earlier.overhead.T
-    height_m = layer_height_m(len(earlier.spaces) - 1, plan) + mount_m
+    number = len(earlier.spaces) - 1
+    height_m = layer_height_m(number, plan) + mount_m
     is_there = np.hypot(north_m - START_NE_M[0], east_m - START_NE_M[1]) < NEAR_START_M
     is_there &= np.abs(at_m - height_m) < NEAR_HEIGHT_M
     if not is_there.any():
-        return True
+        return fits_above(math.inf, number, plan)
     ceiling_m = float(np.median((at_m + above_m)[is_there]))
-    return fits_above(ceiling_m - height_m + mount_m, plan)
+    return fits_above(ceiling_m - height_m + mount_m, number, plan)
 
 
 def _spaces(earlier: EarlierFlights, plan: MissionConfig) -> list[Occupancy]:

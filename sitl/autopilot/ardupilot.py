@@ -180,6 +180,7 @@ class ArduPilot:
 
     def __init__(self) -> None:
         self.streams_hz: dict[int, float] = {}
+        self.more_streams_hz: dict[int, float] = {}
         self.table = load_table("ardupilot")
 
     def behaviour(self, mode: int) -> Behaviour | None:

@@ -213,8 +213,11 @@ class Commander:
             self.control.follow(target)
 
     def expire_setpoint(self) -> None:
-        """After a timeout of the last setpoint, brake or change the mode."""
-        if self._setpoint_step is None or self.control.manoeuvre is not Manoeuvre.FOLLOW:
+        """After a timeout of the last setpoint, brake or change the mode.
+
+        Armed in the offboard mode, a vehicle changes its mode on the ground, too.
+        """
+        if self._setpoint_step is None or not self._needs_setpoints():
             return
         timeout_s, mode = self._is.setpoint_loss(self._parameters)
         if (self._status.step - self._setpoint_step) * STEP_S > timeout_s:
@@ -223,6 +226,11 @@ class Commander:
                 offboard = self._status.mode
                 self.enter(mode)
                 self._lost_setpoints_in = offboard if self._is.returns_to_offboard else None
+
+    def _needs_setpoints(self) -> bool:
+        offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
+        stands = self.control.manoeuvre is Manoeuvre.GROUND and self._status.armed and offboard
+        return stands or self.control.manoeuvre is Manoeuvre.FOLLOW
 
     def check_failsafes(self) -> None:
         """Check the failsafes and react as the parameters select."""

@@ -98,8 +98,10 @@ class Autopilot:
             imu=Imu(stream(seed, "autopilot's gyro")),
         )
         makers = self._telemetry.makers(sends_truth=sends_truth)
+        all_streams_hz = self._is.streams_hz | self._is.more_streams_hz
         self._channels = [
-            Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
+            Channel(Streams(makers, all_streams_hz if link else self._is.streams_hz), Outbox())
+            for link in range(links)
         ]
         self._broadcast = Broadcast(
             [channel.outbox for channel in self._channels],
@@ -274,6 +276,10 @@ class Autopilot:
     def pilot_mode(self, custom_mode: int, throttle: Throttle = Throttle.LOW) -> None:
         """Set the pilot's mode switch and throttle stick."""
         self._commander.pilot_mode(custom_mode, throttle)
+
+    def switch_transmitter(self, *, on: bool) -> None:
+        """Switch the pilot's transmitter, of which SYS_STATUS reports the receiver."""
+        self._status.has_transmitter = on
 
     def pilot_arms(self) -> None:
         """Arm by the sticks, without checks."""

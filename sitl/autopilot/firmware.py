@@ -141,6 +141,8 @@ class EmulatedFirmware(Protocol):
     """MAV_RESULT of a REQUEST_MESSAGE (512) for a message that is not available."""
     streams_hz: dict[int, float]
     """Messages that are streamed without a request, with their rates."""
+    more_streams_hz: dict[int, float]
+    """The same for all links but the first, which is the companion's."""
     table: Table
     """Parameters with the firmware's defaults."""
     configured: dict[str, float]

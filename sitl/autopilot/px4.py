@@ -195,6 +195,8 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 10.0,
         }
+        # PX4 sends it on every link; the companion does not read it, and each message takes time
+        self.more_streams_hz: dict[int, float] = {mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 5.0}
         self.table = load_table("px4")
 
     def behaviour(self, mode: int) -> Behaviour | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config.range_sensors import AutopilotRange
+from companion.core.frames import Place
 from companion.core.messages import Beam
 from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.estimation.navigation import Navigation
@@ -28,6 +29,7 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
 )
 """Bits of SYS_STATUS (1) that are always set."""
+RECEIVER: int = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 FLOW: int = mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 VISION: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
 LANDED_STATES = {
@@ -47,6 +49,7 @@ class Status:
     crashed: bool = False
     in_failsafe: bool = False
     is_armable: bool = False
+    has_transmitter: bool = False
     manoeuvre: Manoeuvre = Manoeuvre.GROUND
     battery: float = 1.0
     step: int = 0
@@ -94,6 +97,7 @@ class Telemetry:
         estimator_status = self._estimator_status()[0].get_msgId()
         makers = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
+            mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: self._global_position,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
             mavlink.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
@@ -142,6 +146,25 @@ class Telemetry:
         return [
             mavlink.MAVLink_local_position_ned_message(
                 self._status.boot_ms, *estimate.position_ned_m, *estimate.velocity_ned_m_s
+            )
+        ]
+
+    def _global_position(self) -> list[Message]:
+        """GLOBAL_POSITION_INT (33), as ground stations show it; empty until the origin is set."""
+        origin = self._navigation.origin
+        if origin is None or not self._navigation.has_position:
+            return []
+        estimate = self._navigation.estimator
+        north_m, east_m, down_m = estimate.position_ned_m
+        lon_deg, lat_deg = Place(1e-7 * origin[0], 1e-7 * origin[1]).lon_lat_deg(north_m, east_m)
+        height_mm = round(-1000 * down_m)
+        return [
+            mavlink.MAVLink_global_position_int_message(
+                self._status.boot_ms,
+                *(round(1e7 * lat_deg), round(1e7 * lon_deg)),
+                *(origin[2] + height_mm, height_mm),
+                *(round(100 * each) for each in estimate.velocity_ned_m_s),
+                round(100 * math.degrees(estimate.yaw_rad)) % 36000,
             )
         ]
 
@@ -199,7 +222,8 @@ class Telemetry:
         armable = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self._status.is_armable else 0
         flow = FLOW if self._navigation.sources.flow else 0
         vision = VISION if self._navigation.has_external_pose else 0
-        sensors = SENSORS | flow | vision
+        receiver = RECEIVER if self._status.has_transmitter else 0
+        sensors = SENSORS | flow | vision | receiver
         return [
             mavlink.MAVLink_sys_status_message(
                 sensors,

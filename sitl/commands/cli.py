@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from companion.commands.options import MissionSet
+from companion.commands.options import Foxglove, MissionSet, WithFoxglove
 from companion.commands.version import Version
 from companion.config.settings import MISSION_KINDS, mission_settings
 from companion.config.team import MAX_DRONES
@@ -254,7 +254,7 @@ def autopilot(
     )
 
 
-@commands.command()
+@commands.command(cls=WithFoxglove)
 def fly(
     world: WorldName,
     seed: Seed = 1,
@@ -292,6 +292,7 @@ def fly(
     team: Annotated[int, typer.Option(help="Drones that fly together.", min=1, max=MAX_DRONES)] = 1,
     report: Annotated[Path | None, typer.Option(help="File for the report, JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for all files of the flight.")] = None,
+    foxglove: Foxglove = None,
 ) -> None:
     """Fly a mission and score it. Exit status 0 only if it was completed."""
     # These modules load the companion, its filters and the scorer; `sitl run` does not need them.
@@ -315,7 +316,12 @@ def fly(
         clutter_seed,
     )
     flown = load_mission(mission)
-    settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
+    if foxglove and (sorties > 1 or team > 1):
+        raise SitlError("--foxglove shows one drone on one flight, not --team or --sorties")
+    streamed = {"view.foxglove": foxglove} if foxglove else {}
+    settings = options.settings(
+        {**flown.settings, **mission_settings(mission_set or ()), **streamed}
+    )
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
     missed = ""
@@ -352,7 +358,8 @@ def fly(
         result, plan, missed = fly_in_one_process(
             options, flown, settings, transport.value, out=out, console=console
         )
-        outputs += [partial(save, plan, out)] if out else []
+        unfinished = "" if result["completed"] else str(result["ending"])
+        outputs += [partial(save, plan, out, unfinished)] if out else []
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         outputs.append(partial(save_report, reported or result, path))

@@ -1,6 +1,7 @@
 """Flies and scores a mission, in one process or in two, for `sitl fly`."""
 
 import time
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -9,6 +10,7 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from companion.run.console import ProgressLine
+from companion.view.foxglove_live import publish_too
 from sitl.core.errors import SitlError
 from sitl.running.options import FlightOptions
 from sitl.running.processes import fly_in_two_processes
@@ -38,6 +40,7 @@ def fly_in_one_process(
     _warn(setup.world, console)
     script = Play(mission.events)
     recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
+    recorder = publish_too(recorder, settings, partial(console.print, soft_wrap=True))
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(
             setup,

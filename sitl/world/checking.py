@@ -1,13 +1,22 @@
-"""Builds the output of `sitl world check`: a world's size, its known area, and warnings."""
+"""Builds the output of `sitl world check`: a world's size and space, its known area, warnings."""
 
+import numpy as np
+from scipy import ndimage
+
+from companion.core.arrays import Array
 from sitl.world.format import World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.known import KnownArea
+from sitl.world.plan import CELL_M, NARROWEST_DOOR_M, reachable
 
 MIN_START_CLEARANCE_M = 0.6
 """Smallest clearance around a start, m. Chosen."""
 START_HEIGHT_M = 1.2
 """Height at which that clearance is measured, m: the usual mission height."""
+WIDEST_DOOR_M = 1.4
+"""Openings up to this width separate rooms, m: the widest door of random buildings."""
+MIN_ROOM_M2 = 1.0
+"""Least area of a room, without a margin of half a door along its walls, m². Chosen."""
 MAX_UNKNOWN = 0.5
 """Unknown share of the reachable area from which a warning is given. With more, the scores cover
 the smaller part of a building. Chosen."""
@@ -23,7 +32,8 @@ def facts(world: World) -> list[str]:
     """
     north_m, east_m = extent(world)
     size = f"{world.name}: {north_m:.4g} × {east_m:.4g} m, {world.height_m:.3g} m high"
-    return [size, *_of_known(world.known), *_of_starts(world)]
+    starts = _of_starts(world)
+    return [size, _of_space(world), *_of_known(world.known), *starts]
 
 
 def warnings(world: World) -> list[str]:
@@ -51,6 +61,36 @@ def extent(world: World) -> tuple[float, float]:
     """Length to the north and to the east, m."""
     (south, west), (north, east) = world.bounds
     return north - south, east - west
+
+
+def _of_space(world: World) -> str:
+    """The area that a drone reaches from the first start, and the number of rooms in it."""
+    start = world.starts[0]
+    places = reachable(world, START_HEIGHT_M, start.position)
+    low, high = np.array(world.bounds)
+    is_inside = ((places > low) & (places < high)).all(axis=1)
+    where = f"reachable from {start.name} at {START_HEIGHT_M} m"
+    if not is_inside.any():
+        return f"{where}: the outside only"
+    area_m2, rooms = _area_and_rooms(places[is_inside])
+    parts = "1 room" if rooms == 1 else f"{rooms} rooms behind openings of up to {WIDEST_DOOR_M} m"
+    outside = "" if is_inside.all() else "; and the outside, through gaps in the walls"
+    return f"{where}: about {area_m2:.0f} m², {parts}{outside}"
+
+
+def _area_and_rooms(places: Array) -> tuple[float, int]:
+    """Area with the margin along the walls, m², and number of rooms of reachable places (n, 2)."""
+    row, column = np.round((places - places.min(axis=0)) / CELL_M).astype(np.int64).T
+    free = np.zeros((row.max() + 1, column.max() + 1), dtype=bool)
+    free[row, column] = True
+    free = np.pad(free, 1 + round(NARROWEST_DOOR_M / CELL_M))
+    to_wall_m = NARROWEST_DOOR_M / 2  # of the outermost of these cells
+    inside_m = ndimage.distance_transform_edt(free) * CELL_M
+    outside_m = ndimage.distance_transform_edt(~free) * CELL_M
+    room, count = ndimage.label(inside_m + to_wall_m > WIDEST_DOOR_M / 2 + CELL_M / 2)
+    cells = np.bincount(room.ravel(), minlength=count + 1)[1:]
+    rooms = int(np.count_nonzero(cells * CELL_M**2 >= MIN_ROOM_M2))
+    return float(np.count_nonzero(outside_m < to_wall_m)) * CELL_M**2, rooms
 
 
 def _of_known(known: KnownArea | None) -> list[str]:

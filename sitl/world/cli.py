@@ -9,7 +9,9 @@ from rich.table import Table
 
 from companion.export.map_files import save_as
 from sitl.world.checking import extent, facts, warnings
+from sitl.world.cleaning import cleaned
 from sitl.world.clutter import cluttered
+from sitl.world.format import World
 from sitl.world.geometry.mesh import visible_mesh
 from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.writing import write_world
@@ -18,6 +20,10 @@ WORLD_HELP = "A built-in world, random_SEED, or a world file."
 Clutter = Annotated[
     float,
     typer.Option(help="Furniture, curtains and open doors: 0 none, 1 maximum.", min=0, max=1),
+]
+Clean = Annotated[
+    bool,
+    typer.Option("--clean", help="Leave out specks, join dotted lines, smooth curtains."),
 ]
 ClutterSeed = Annotated[int, typer.Option(help="Seed of the clutter.")]
 
@@ -45,6 +51,7 @@ def list_worlds() -> None:
 @commands.command()
 def show(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clean: Clean = False,
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
     out: Annotated[Path | None, typer.Option(help="PNG to write; default NAME.png.")] = None,
@@ -52,7 +59,7 @@ def show(
     """Draw the floor plan with its start poses."""
     from sitl.world.drawing import draw_plan  # noqa: PLC0415 - slow to load, and seldom needed
 
-    loaded = cluttered(load_world(world), clutter, clutter_seed)
+    loaded = _loaded(world, clutter, clutter_seed, clean=clean)
     path = out or Path(f"{loaded.name}.png")
     save_as(draw_plan, loaded, path)
     typer.echo(str(path))
@@ -61,11 +68,12 @@ def show(
 @commands.command()
 def check(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clean: Clean = False,
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
 ) -> None:
     """Load a world; print the importer's repairs, the known area, the starts and warnings."""
-    loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
+    loaded = _loaded(world, clutter, clutter_seed, clean=clean)
     for fact in facts(loaded):
         typer.echo(fact)
     beware = warnings(loaded)
@@ -81,14 +89,23 @@ def check(
 @commands.command()
 def export(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clean: Clean = False,
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
     out: Annotated[Path | None, typer.Option(help="File to write; default NAME.toml.")] = None,
 ) -> None:
     """Write a world with its clutter as TOML, to reuse or edit it."""
-    loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
+    loaded = _loaded(world, clutter, clutter_seed, clean=clean)
     if loaded.closed_border:
         typer.echo("the closed border is written as walls, which the scores will count")
     path = out or Path(f"{loaded.name}.toml")
     save_as(write_world, loaded, path)
     typer.echo(str(path))
+
+
+def _loaded(name: str, clutter: float, clutter_seed: int, *, clean: bool) -> World:
+    """The world, cleaned and then with clutter; prints what was repaired and cleaned."""
+    loaded = load_world(name, typer.echo)
+    if clean:
+        loaded = cleaned(loaded, typer.echo)
+    return cluttered(loaded, clutter, clutter_seed)

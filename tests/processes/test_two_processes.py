@@ -11,10 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import UdpTransport
+from companion.recording import topics
 from companion.run.unattended import EXIT_ENDED
+from tests.foxglove_client import foxglove_client
 from tests.processes.started import companion, flying, read_until, running_sitl, sitl
 from tests.waiting import DEADLINE_S
 from tests.worlds import SMALL_ROOM
@@ -40,12 +44,15 @@ def test_a_flight_in_two_processes_equals_the_flight_in_one(tmp_path: Path) -> N
     reports = {}
     for transport in ("direct", "udp"):
         out = tmp_path / transport
-        subprocess.run(
-            sitl("fly", SMALL_ROOM, "--seed", "2", "--transport", transport, "--out", str(out)),
+        live = ("--foxglove", "127.0.0.1:0")
+        flown = subprocess.run(
+            sitl("fly", SMALL_ROOM, "--seed=2", "--transport", transport, f"--out={out}", *live),
             check=True,
             timeout=DEADLINE_S,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
         )
+        assert flown.stdout.count("ws://127.0.0.1:") == 1
         assert {"map.png", "map.ply", "map.json", "report.json"} <= set(os.listdir(out))
         reports[transport] = json.loads((out / "report.json").read_text())
         for wall_clock in ("waited_s", "speed_factor"):
@@ -81,15 +88,25 @@ def test_a_killed_vehicle_keeps_its_parameters(tmp_path: Path) -> None:
         assert ask(mavlink_port, message, 3) == pytest.approx(0.7)
 
 
-def test_the_companion_lands_on_sigterm(tmp_path: Path) -> None:
+def test_the_companion_lands_on_sigterm_and_a_foxglove_client_sees_it(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
-        pilot = flying(mavlink_port, bus_port, tmp_path)
-        read_until(pilot, "scanning parallel to the wall")
-        pilot.send_signal(signal.SIGTERM)
-        output, _ = pilot.communicate(timeout=DEADLINE_S)
+        pilot = flying(mavlink_port, bus_port, tmp_path, "--foxglove", "127.0.0.1:0")
+        said = read_until(pilot, "turning 360°")
+        url = re.findall(r"ws://127\.0\.0\.1:\d+", said)[0]
+        with foxglove_client(url, len(list(topics.described()))) as client:
+            client.subscribe(topics.WALLS, topics.POSE)
+            read_until(pilot, "scanning parallel to the wall")
+            pilot.send_signal(signal.SIGTERM)
+            output, _ = pilot.communicate(timeout=DEADLINE_S)
+            messages = list(client.messages())
     assert pilot.returncode == EXIT_ENDED
     assert "landing was requested" in output
     assert (tmp_path / "map.json").exists()
+    walls = [SceneUpdate.FromString(m.data) for m in messages if m.topic == topics.WALLS]
+    poses = [Odometry.FromString(m.data) for m in messages if m.topic == topics.POSE]
+    finally_mapped = json.loads((tmp_path / "map.json").read_text())["walls"]
+    assert len(walls[-1].entities[0].cubes) == len(finally_mapped) > 0
+    assert max(pose.pose.position.z for pose in poses) > 1
 
 
 def test_a_missing_sitl_is_reported_with_the_command_to_start_within_10_s(tmp_path: Path) -> None:

@@ -6,23 +6,27 @@ normal equations are a narrow band with a border,
     [ A   B ] [ x ]     [ a ]        A: band, poses        x: step of the poses
     [ Bᵀ  C ] [ y ] = - [ b ]        C: small and full     y: step of the shared unknowns
 
-With the Cholesky factor of A, the Schur complement S = C - Bᵀ A⁻¹ B gives y, and y gives x. S⁻¹ is
-the covariance of the shared unknowns with the poses integrated out. Time and memory are linear in
-the length of the chain.
+With the Cholesky factor A = L Lᵀ and W = L⁻¹ B, w = L⁻¹ a, the Schur complement S = C - Wᵀ W gives
+y = -S⁻¹ (b - Wᵀ w), and y gives x = -L⁻ᵀ (w + W y). S⁻¹ is the covariance of the shared unknowns
+with the poses integrated out. Time and memory are linear in the length of the chain.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise, starmap
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 
 from companion.core.arrays import Array, Indices
 
 Gradient = Sequence[tuple[Indices | int, Array]]
 """Gradient of n residuals: columns, (n,) or one for all, and the derivatives by those unknowns,
 (n,)."""
+AT_ONCE = 4096
+"""Residuals added at once, which bounds the memory. Chosen."""
 
 
 CAUCHY_SIGMAS = 2.0
@@ -50,12 +54,11 @@ class Sums:
         self._values: list[Array] = []
         self._pending = 0
 
-    def add(self, place: Indices | int, value: Array) -> None:
-        if isinstance(place, int) or place.shape != value.shape:
-            place = np.broadcast_to(place, value.shape)
-        self._places.append(place)
-        self._values.append(value)
-        self._pending += value.size
+    def add(self, places: Indices, values: Array) -> None:
+        """Add values to the sums at places of the same shape."""
+        self._places.append(places.ravel())
+        self._values.append(values.ravel())
+        self._pending += values.size
         if self._pending > self.BATCH:
             self._add_up()
 
@@ -99,6 +102,21 @@ class Gaussian:
         )
 
 
+def _stacked(gradient: Gradient, residuals: int) -> tuple[Indices, Array]:
+    """Columns and derivatives of a gradient, (unknowns, residuals) each."""
+    shape = len(gradient), residuals
+    columns, derivatives = np.empty(shape, dtype=np.int64), np.empty(shape)
+    for unknown, (column, by_unknown) in enumerate(gradient):
+        columns[unknown], derivatives[unknown] = column, by_unknown
+    return columns, derivatives
+
+
+@cache
+def _lower_triangle(size: int) -> tuple[Indices, Indices]:
+    """Rows and columns of the lower triangle, which is needed for each addition."""
+    return np.tril_indices(size)
+
+
 class BorderedSystem:
     """Collects the normal equations, row by row of the Jacobian."""
 
@@ -126,19 +144,35 @@ class BorderedSystem:
         weight = np.broadcast_to(1 / np.square(sigma), residual.shape)
         self.squares += float((weight * residual**2).sum())
         self.rows += len(residual)
-        for i, (row, by_row) in enumerate(chained):
-            weighted = weight * by_row
-            self._chain_gradient.add(row, weighted * residual)
-            for column, by_column in chained[: i + 1]:
-                low, high = np.minimum(row, column), np.maximum(row, column)
-                self._a.add((high - low) * self._chained + low, weighted * by_column)
-            for column, by_column in shared:
-                self._b.add(row * self._shared + column, weighted * by_column)
-        for row, by_row in shared:
-            weighted = weight * by_row
-            self._shared_gradient.add(row, weighted * residual)
-            for column, by_column in shared:
-                self._c.add(row * self._shared + column, weighted * by_column)
+        rows, by_rows = _stacked(chained, len(residual))
+        columns, by_columns = _stacked(shared, len(residual))
+        for first in range(0, len(residual), AT_ONCE):
+            part = np.s_[..., first : first + AT_ONCE]
+            self._add_some(
+                residual[part],
+                weight[part],
+                (rows[part], by_rows[part]),
+                (columns[part], by_columns[part]),
+            )
+
+    def _add_some(
+        self,
+        residual: Array,
+        weight: Array,
+        chained: tuple[Indices, Array],
+        shared: tuple[Indices, Array],
+    ) -> None:
+        """Add residuals (n,); of both kinds of unknowns columns and derivatives, (unknowns, n)."""
+        (rows, by_rows), (columns, by_columns) = chained, shared
+        weighted, weighted_shared = weight * by_rows, weight * by_columns
+        self._chain_gradient.add(rows, weighted * residual)
+        self._shared_gradient.add(columns, weighted_shared * residual)
+        i, j = _lower_triangle(len(rows))
+        low, high = np.minimum(rows[i], rows[j]), np.maximum(rows[i], rows[j])
+        self._a.add((high - low) * self._chained + low, weighted[i] * by_rows[j])
+        self._b.add(rows[:, None] * self._shared + columns, weighted[:, None] * by_columns)
+        places = columns[:, None] * self._shared + columns
+        self._c.add(places, weighted_shared[:, None] * by_columns)
 
     def add_prior(self, prior: Gaussian) -> None:
         """Add a prior on the first unknowns of the chain and all shared ones."""
@@ -180,11 +214,10 @@ class BorderedSystem:
             columns = np.flatnonzero(b[rows].any(axis=0))
             coupling = b[rows, columns]
             factor = cholesky_banded(a[:, rows], lower=True)
-            right = np.column_stack([coupling, a_gradient[rows]])
-            solved = cho_solve_banded((factor, True), right)
+            solved = _forward(factor, np.column_stack([coupling, a_gradient[rows]]))
             block = _Block(factor, columns, solved[:, :-1], solved[:, -1])
-            schur[np.ix_(columns, columns)] -= coupling.T @ block.a_inverse_b
-            gradient[columns] -= coupling.T @ block.a_inverse_gradient
+            schur[np.ix_(columns, columns)] -= block.w_matrix.T @ block.w_matrix
+            gradient[columns] -= block.w_matrix.T @ block.w_vector
             blocks.append(block)
         return schur, gradient, blocks
 
@@ -206,9 +239,9 @@ class BorderedSystem:
         corner[:count, count:], corner[count:, :count] = b[before:], b[before:].T
         corner[count:, count:] = c
         gradient = np.concatenate([a_gradient[before:], b_gradient])
-        right = np.column_stack([coupling, a_gradient[:before]])
-        solved = cho_solve_banded((factor, True), right)
-        return Gaussian(corner - coupling.T @ solved[:, :-1], gradient - coupling.T @ solved[:, -1])
+        solved = _forward(factor, np.column_stack([coupling, a_gradient[:before]]))
+        w_matrix, w_vector = solved[:, :-1], solved[:, -1]
+        return Gaussian(corner - w_matrix.T @ w_matrix, gradient - w_matrix.T @ w_vector)
 
     def _totals(self) -> tuple[Array, Array, Array, Array, Array]:
         """A (band, chained), B (chained, shared), C (shared, shared), a and b."""
@@ -226,18 +259,30 @@ class _Block:
     """A part of the chain that nothing couples with the others, solved."""
 
     factor: Array
-    """Cholesky factor of its part of A."""
+    """L of its part of A, (band, rows): row d is the diagonal d below the main one."""
     columns: Indices
     """(c,): shared unknowns with which it has residuals."""
-    a_inverse_b: Array
-    """(rows, c)."""
-    a_inverse_gradient: Array
-    """(rows,)."""
+    w_matrix: Array
+    """W, (rows, c)."""
+    w_vector: Array
+    """w, (rows,)."""
 
     def step(self, shared: Array) -> Array:
         """(rows,): step of its unknowns."""
-        step: Array = -self.a_inverse_gradient - self.a_inverse_b @ shared[self.columns]
-        return step
+        right = self.w_vector + self.w_matrix @ shared[self.columns]
+        return -_backward(self.factor, right[:, None])[:, 0]
+
+
+def _forward(factor: Array, right: Array) -> Array:
+    """L⁻¹ of columns (rows, n)."""
+    solved: Array = dtbtrs(factor, right, uplo="L")[0]
+    return solved
+
+
+def _backward(factor: Array, right: Array) -> Array:
+    """L⁻ᵀ of columns (rows, n)."""
+    solved: Array = dtbtrs(factor, right, uplo="L", trans="T")[0]
+    return solved
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,14 +301,15 @@ class Solution:
         """Covariance of the last `count` unknowns of the chain and all shared ones.
 
         Shape (count + shared, count + shared). By the inverse of a block matrix: A⁻¹ + F S⁻¹ Fᵀ,
-        and -F S⁻¹ beside it, F = A⁻¹ B.
+        and -F S⁻¹ beside it, F = A⁻¹ B. With V = L⁻¹ of the last unit vectors, the last rows of A⁻¹
+        are Vᵀ V, and those of F are Vᵀ W.
         """
-        units = np.zeros((len(self._last.a_inverse_gradient), count))
+        units = np.zeros((len(self._last.w_vector), count))
         units[-count:] = np.eye(count)
-        a_inverse = cho_solve_banded((self._last.factor, True), units)[-count:]
+        v = _forward(self._last.factor, units)[-count:]
         coupling = np.zeros((count, len(self.shared)))
-        coupling[:, self._last.columns] = self._last.a_inverse_b[-count:]
+        coupling[:, self._last.columns] = v.T @ self._last.w_matrix[-count:]
         beside = -coupling @ self.shared_covariance
         return np.block(
-            [[a_inverse - beside @ coupling.T, beside], [beside.T, self.shared_covariance]]
+            [[v.T @ v - beside @ coupling.T, beside], [beside.T, self.shared_covariance]]
         )

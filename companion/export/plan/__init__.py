@@ -2,7 +2,8 @@
 
     map ─► rooms and openings (survey, jambs) ─► turned ─┐
                       building and furniture (building) ─┴─► drawing ─┬─► figure ─► sheet, map.png
-                                    labels, room names  ──────────────┘└► dxf
+        borders of an unfinished map (unseen), labels, room names  ───┘└► dxf
 
-`sheet` writes SVG and PDF, `dxf` writes DXF, and `export/map_png.py` the picture of every flight.
+`sheet` writes SVG and PDF, `export/dxf` writes DXF, and `export/map_png.py` the picture of every
+flight.
 """

@@ -1,7 +1,7 @@
 """Tells the building from its furniture, and which walls were seen from both sides.
 
-    walls of the map ─► joined at their ends ─┬─ with a long wall: building ─► solid walls
-                                              └─ without: furniture            and bare faces
+    walls of the map ─► joined at their ends ─┬─ with a long wall: building ─► solid walls,
+                                              └─ without: furniture            faces, bare pieces
 
 A mapped wall is a surface. Two parallel surfaces that were seen from opposite sides are one solid
 wall, whose thickness is measured. Of a surface that was seen from one side the thickness is not
@@ -43,8 +43,10 @@ class Solid:
     """A piece of wall that was seen from both sides."""
 
     ring_ne_m: tuple[Vector2, ...]
-    """Its four corners."""
+    """Its four corners: two along one surface, two back along the other."""
     thickness_m: float
+    sigma_m: float
+    """The greater sigma of its surfaces."""
 
 
 @value
@@ -59,6 +61,15 @@ class Face:
 
 
 @value
+class Bare:
+    """A piece of wall of which it is not clear from where it was seen."""
+
+    wall: WallSegment
+    start_ne_m: Vector2
+    end_ne_m: Vector2
+
+
+@value
 class Building:
     """The map's walls by what they are."""
 
@@ -67,6 +78,7 @@ class Building:
     """Surfaces that stand free of the building."""
     solids: tuple[Solid, ...]
     faces: tuple[Face, ...]
+    bare: tuple[Bare, ...]
     second_faces: frozenset[WallSegment]
     """The shorter surface of each solid wall."""
 
@@ -88,13 +100,14 @@ def building(plan: FloorPlan) -> Building:
         covered[i].append(overlap)
         covered[j].append(lines[j].extent_m([lines[i].at_m(along_m) for along_m in overlap]))
         second.add(min(walls[i], walls[j], key=lambda wall: wall.length_m))
-    faces = [
-        line.face(piece, side)
-        for line, side, pieces in zip(lines, sides, covered, strict=True)
-        if abs(side) > SURELY
-        for piece in _uncovered(line.length_m, pieces)
-    ]
-    return Building(walls, furniture, tuple(solids), tuple(faces), frozenset(second))
+    faces, bare = [], []
+    for line, side, pieces in zip(lines, sides, covered, strict=True):
+        for piece in _uncovered(line.length_m, pieces):
+            if abs(side) > SURELY:
+                faces.append(line.face(piece, side))
+            else:
+                bare.append(line.bare(piece))
+    return Building(walls, furniture, tuple(solids), tuple(faces), tuple(bare), frozenset(second))
 
 
 def _divided(
@@ -210,9 +223,14 @@ class _Line:
         ring += [
             self.at_m(*both) for both in zip(reversed(overlap_m), reversed(there_m), strict=True)
         ]
-        return Solid(tuple(ring), abs(sum(there_m) / 2))
+        sigma_m = max(self._wall.sigma_m, other._wall.sigma_m)
+        return Solid(tuple(ring), abs(sum(there_m) / 2), sigma_m)
 
     def face(self, piece_m: Vector2, side: float) -> Face:
         """A piece that was seen from a side."""
         north, east = (-self._right if side > 0 else self._right).tolist()
         return Face(self._wall, self.at_m(piece_m[0]), self.at_m(piece_m[1]), (north, east))
+
+    def bare(self, piece_m: Vector2) -> Bare:
+        """A piece of which the side is not known."""
+        return Bare(self._wall, self.at_m(piece_m[0]), self.at_m(piece_m[1]))

@@ -16,7 +16,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import FloorPlan, WallSegment
 from companion.core.values import value
 from companion.export.plan.building import Building, building
-from companion.export.plan.dimensions import Dimension, Placing
+from companion.export.plan.dimensions import SIGMAS, Dimension, Placing
 from companion.export.plan.turned import to_xy
 
 if TYPE_CHECKING:  # they need a library that the drone does without
@@ -34,6 +34,8 @@ class Layer(StrEnum):
     ROOMS = "ROOMS"
     POINTS = "POINTS"
     PATH = "PATH"
+    UNSEEN = "UNSEEN"
+    """Borders of what was seen, on an unfinished map."""
     BEHIND = "WALLS-ONE-SIDE"
     """Behind walls that were seen from one side."""
     SOLID = "WALLS-SOLID"
@@ -44,6 +46,8 @@ class Layer(StrEnum):
     OPENINGS = "OPENINGS"
     DIMENSIONS = "DIMENSIONS"
     LABELS = "LABELS"
+    TITLE = "TITLE"
+    """Title block."""
 
 
 @value
@@ -63,6 +67,16 @@ class Area:
 
 
 @value
+class Doorway:
+    """An opening in a wall."""
+
+    start_xy_m: Vector2
+    end_xy_m: Vector2
+    tolerance_m: float
+    """Of its width, 19 in 20; 0 if it is not known."""
+
+
+@value
 class Label:
     """A text, centred."""
 
@@ -77,6 +91,8 @@ class Drawing:
 
     strokes: tuple[Stroke, ...]
     areas: tuple[Area, ...]
+    doorways: tuple[Doorway, ...]
+    """On the layer of openings."""
     labels: tuple[Label, ...]
     dimensions: tuple[Dimension, ...]
     points_xy_m: tuple[Vector2, ...]
@@ -101,17 +117,25 @@ def draw(
     openings: Sequence["Opening"],
     contents: Contents,
     m_per_mm: float,
+    *,
+    unseen_ne_m: Sequence[Sequence[Vector2]] = (),
 ) -> Drawing:
-    """Draw a map that is turned already. `m_per_mm`: metres for each millimetre of paper."""
+    """Draw a map that is turned already.
+
+    `m_per_mm`: metres for each millimetre of paper; `unseen_ne_m`: borders of what was seen.
+    """
     parts = building(plan)
-    labels = [label for room in rooms for label in _labels(room, contents, m_per_mm)]
+    labels = [
+        label for room in rooms for label in _labels(room, parts.furniture, contents, m_per_mm)
+    ]
     placing = Placing(parts, m_per_mm)
     for label in labels:
         placing.keep_off(label.text, label.at_xy_m, label.height_mm)
     dimensions = tuple(placing.dimensions(openings))
     return Drawing(
-        tuple(_strokes(parts, openings)),
+        tuple(_strokes(parts, unseen_ne_m)),
         tuple(_areas(parts, rooms, m_per_mm)),
+        tuple(map(_doorway, openings)),
         tuple(labels),
         dimensions,
         tuple((hit.position_ned_m[1], hit.position_ned_m[0]) for hit in plan.hits)
@@ -123,13 +147,18 @@ def draw(
     )
 
 
-def _strokes(parts: Building, openings: Sequence["Opening"]) -> Iterator[Stroke]:
+def _strokes(parts: Building, unseen_ne_m: Sequence[Sequence[Vector2]]) -> Iterator[Stroke]:
+    for border in unseen_ne_m:
+        yield Stroke(Layer.UNSEEN, tuple(map(to_xy, border)))
     for wall in parts.furniture:
         yield Stroke(Layer.FURNITURE, _line(wall))
     for wall in parts.walls:
         yield Stroke(Layer.WALLS, _line(wall))
-    for opening in openings:
-        yield Stroke(Layer.OPENINGS, (to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)))
+
+
+def _doorway(opening: "Opening") -> Doorway:
+    start, end = to_xy(opening.start_ne_m), to_xy(opening.end_ne_m)
+    return Doorway(start, end, SIGMAS * opening.sigma_m)
 
 
 def _areas(parts: Building, rooms: Sequence["Room"], m_per_mm: float) -> Iterator[Area]:
@@ -145,8 +174,10 @@ def _areas(parts: Building, rooms: Sequence["Room"], m_per_mm: float) -> Iterato
         yield Area(Layer.SOLID, (tuple(map(to_xy, solid.ring_ne_m)),))
 
 
-def _labels(room: "Room", contents: Contents, m_per_mm: float) -> Iterator[Label]:
-    x, y = to_xy(room.label_ne_m)
+def _labels(
+    room: "Room", furniture: Sequence[WallSegment], contents: Contents, m_per_mm: float
+) -> Iterator[Label]:
+    x, y = to_xy(room.label_ne_m(furniture))
     off_m = 0.8 * NAME_MM * m_per_mm
     yield Label(contents.room_names.get(room.name, room.name), (x, y + off_m), NAME_MM)
     yield Label(f"{room.area_m2:.1f} m²", (x, y - off_m), AREA_MM)

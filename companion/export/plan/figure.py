@@ -9,14 +9,17 @@ from companion.core.frames import Vector2
 from companion.export.colours import flight_colour
 from companion.export.plan.dimensions import Dimension
 from companion.export.plan.drawing import Area, Drawing, Layer, Stroke
+from companion.export.plan.title import INCOMPLETE
 
-INK, FAINT, RETURNS, DOOR = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f"
+INK, FAINT, RETURNS, DOOR, WARNING = "#1d2b33", "#6b7a83", "#e07a1f", "#2a9d8f", "#c1121f"
 MM_PER_INCH = 25.4
 """Millimetres per inch, exact by definition."""
 PT_PER_MM = 72 / MM_PER_INCH
 """Points per millimetre, exact by definition."""
 FINE_PT, PATH_PT, RETURNS_PT = 0.4, 0.7, 0.9
 """Widths of dimension lines and paths, and diameter of a beam's end, points. Chosen."""
+STAMP_PT = 54
+"""Height of the stamp on an unfinished map, points. Chosen."""
 TICK_MM = 1.0
 """Half length of the ticks at the ends of a dimension line, mm. Chosen."""
 
@@ -31,6 +34,7 @@ class _Pen:
 PENS = {
     Layer.WALLS: _Pen(INK, 2.0),
     Layer.FURNITURE: _Pen(FAINT, 0.8),
+    Layer.UNSEEN: _Pen(WARNING, 1.2, "--"),
     Layer.OPENINGS: _Pen(DOOR, 1.2, "--"),
 }
 NAMES = {
@@ -38,6 +42,7 @@ NAMES = {
     Layer.SOLID: "measured from both sides",
     Layer.BEHIND: "from one side",
     Layer.FURNITURE: "furniture",
+    Layer.UNSEEN: "nothing seen beyond",
 }
 """Layers in the legend."""
 FILLS = {Layer.ROOMS: "#f1efe8", Layer.BEHIND: "#b9c2c7", Layer.SOLID: INK}
@@ -62,10 +67,29 @@ def draw_in(axes: Axes, drawing: Drawing, m_per_mm: float) -> None:
         axes.plot(0, 0, marker="o", markersize=3.5, color=flight_colour(0))
     for stroke in drawing.strokes:
         _stroke(axes, stroke)
+    for doorway in drawing.doorways:
+        _line(axes, (doorway.start_xy_m, doorway.end_xy_m), PENS[Layer.OPENINGS])
     for dimension in drawing.dimensions:
         _dimension(axes, dimension, m_per_mm)
     for label in drawing.labels:
         _text(axes, label.text, label.at_xy_m, label.height_mm)
+
+
+def stamp(axes: Axes) -> None:
+    """Write across the plan that it is not finished."""
+    axes.text(
+        0.5,
+        0.5,
+        INCOMPLETE,
+        transform=axes.transAxes,
+        rotation=30,
+        ha="center",
+        va="center",
+        fontsize=STAMP_PT,
+        color=WARNING,
+        alpha=0.25,
+        weight="bold",
+    )
 
 
 def legend(figure: Figure, drawing: Drawing) -> None:
@@ -81,11 +105,18 @@ def legend(figure: Figure, drawing: Drawing) -> None:
     drawn = {each.layer for each in drawing.strokes} | {each.layer for each in drawing.areas}
     for layer, name in NAMES.items():
         if layer in drawn:
-            colour, width_pt = FILLS.get(layer), 6.0
-            if layer in PENS:
-                colour, width_pt = PENS[layer].colour, PENS[layer].width_pt
-            axes.plot(nothing, nothing, color=colour, linewidth=width_pt, label=name)
-    figure.legend(loc="lower center", ncols=6, frameon=False, fontsize=8)
+            pen = PENS.get(layer) or _Pen(FILLS[layer], 6.0)
+            axes.plot(
+                nothing,
+                nothing,
+                color=pen.colour,
+                linewidth=pen.width_pt,
+                linestyle=pen.dashes,
+                label=name,
+            )
+    figure.legend(
+        loc="lower center", ncols=7, frameon=False, fontsize=8, columnspacing=1.0, handlelength=1.5
+    )
 
 
 def _fill(axes: Axes, area: Area) -> None:

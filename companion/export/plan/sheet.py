@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from companion.core.figures import Axes, Figure, Polygon, rc_context
-from companion.export.plan.drawing import Contents, draw
-from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in
+from companion.export.plan.drawing import Contents, Drawing, draw
+from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in, stamp
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import Survey
-from companion.export.plan.turned import Up, extent_m, up_rad
+from companion.export.plan.title import INCOMPLETE, MEASURED, Arrow, arrow, facts
+from companion.export.plan.turned import extent_m
+from companion.export.plan.unseen import unseen_borders
 
 EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
@@ -27,8 +29,6 @@ PAPERS_MM = (("A4", 297.0, 210.0), ("A3", 420.0, 297.0))
 """Name, long side and short side (ISO 216), mm."""
 LARGEST_SCALE_ON_A4 = 100
 """Largest denominator on A4; smaller scales use A3. Chosen."""
-INCOMPLETE, STAMP, STAMP_PT = "INCOMPLETE", "#c1121f", 54
-"""Words, colour and height, points, of the stamp on an unfinished map. Chosen."""
 SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none", "text.parse_math": False}
 """Settings for a reproducible file with text as text; a $ starts no formula."""
 
@@ -57,6 +57,11 @@ class Sheet:
     def m_per_mm(self) -> float:
         """Metres for each millimetre of paper."""
         return self.scale / 1000
+
+    @property
+    def in_words(self) -> str:
+        """Scale and paper."""
+        return f"1 : {self.scale} on {self.paper}"
 
     def fits(self, east_m: float, north_m: float) -> bool:
         """True if a plan of this extent has room with its dimensions."""
@@ -102,11 +107,18 @@ def choose_sheet(survey: Survey, contents: Contents) -> Sheet:
 
 def turned_up(survey: Survey, labels: Labels) -> Survey:
     """The map as it stands on the paper."""
-    return survey.turned(up_rad(survey.plan, labels.up, labels.heading_rad))
+    return survey.turned(labels.up_rad(survey.plan))
+
+
+def drawn(survey: Survey, labels: Labels, sheet: Sheet) -> Drawing:
+    """The drawing of a map that is turned already."""
+    unseen_ne_m = unseen_borders(survey.plan) if labels.unfinished else ()
+    shown = survey.plan, survey.rooms, survey.openings, labels.contents
+    return draw(*shown, sheet.m_per_mm, unseen_ne_m=unseen_ne_m)
 
 
 def _figure(survey: Survey, labels: Labels) -> Figure:
-    heading_rad = -up_rad(survey.plan, labels.up, labels.heading_rad)
+    pointing = arrow(survey.plan, labels)
     survey = turned_up(survey, labels)
     sheet = choose_sheet(survey, labels.contents)
     figure = Figure(figsize=(sheet.width_mm / MM_PER_INCH, sheet.height_mm / MM_PER_INCH))
@@ -114,33 +126,15 @@ def _figure(survey: Survey, labels: Labels) -> Figure:
     east_m, north_m = sheet.span_m
     plan.set_xlim(sheet.west_m, sheet.west_m + east_m)
     plan.set_ylim(sheet.south_m, sheet.south_m + north_m)
-    drawing = draw(survey.plan, survey.rooms, survey.openings, labels.contents, sheet.m_per_mm)
-    draw_in(plan, drawing, sheet.m_per_mm)
+    draw_in(plan, drawn(survey, labels, sheet), sheet.m_per_mm)
     if labels.unfinished:
-        _stamp(plan)
+        stamp(plan)
     foot = _axes(figure, sheet, EDGE_MM, EDGE_MM + FOOT_MM)
     foot.set_xlim(0, sheet.width_mm - 2 * EDGE_MM)
     foot.set_ylim(0, FOOT_MM)
     _draw_foot(foot, survey, sheet, labels)
-    _draw_arrow(foot, sheet.width_mm - 2 * EDGE_MM - 10, labels, heading_rad)
+    _draw_arrow(foot, sheet.width_mm - 2 * EDGE_MM - 10, pointing)
     return figure
-
-
-def _stamp(axes: Axes) -> None:
-    """Write across the plan that it is not finished."""
-    axes.text(
-        0.5,
-        0.5,
-        INCOMPLETE,
-        transform=axes.transAxes,
-        rotation=30,
-        ha="center",
-        va="center",
-        fontsize=STAMP_PT,
-        color=STAMP,
-        alpha=0.25,
-        weight="bold",
-    )
 
 
 def _axes(figure: Figure, sheet: Sheet, low_mm: float, high_mm: float) -> Axes:
@@ -166,26 +160,11 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, labels: Labels) -> None
     axes.text(
         left_mm, FOOT_MM - 7, labels.title, fontsize=11, color=INK, weight="bold", va="center"
     )
-    axes.text(left_mm, FOOT_MM - 13, _facts(survey), fontsize=8, color=INK, va="center")
-    notes = "metres, measured between surfaces; black: measured from both sides; grey: from one"
+    axes.text(left_mm, FOOT_MM - 13, facts(survey), fontsize=8, color=INK, va="center")
+    notes = f"{MEASURED}; black: measured from both sides; grey: from one"
     if labels.unfinished:
-        notes = f"{INCOMPLETE}: {labels.unfinished}"
+        notes = f"{INCOMPLETE}: {labels.unfinished}; dashed red: nothing was seen beyond"
     axes.text(left_mm, FOOT_MM - 18, notes, fontsize=6.5, color=FAINT, va="center")
-
-
-def _facts(survey: Survey) -> str:
-    """Rooms, walls, accuracy and height in words."""
-    plan = survey.plan
-    area_m2 = sum(room.area_m2 for room in survey.rooms)
-    length_m = sum(wall.length_m for wall in plan.walls)
-    sigma_m = sum(wall.length_m * wall.sigma_m for wall in plan.walls) / (length_m or 1.0)
-    rooms = f"{len(survey.rooms)} room{'' if len(survey.rooms) == 1 else 's'}, {area_m2:.1f} m²"
-    facts = [rooms] if survey.rooms else []
-    accuracy = f"19 of 20 within {200 * sigma_m:.0f} cm as seen from the take-off"
-    facts.append(f"{length_m:.1f} m of wall, {accuracy}")
-    if plan.ceiling_m is not None:
-        facts.append(f"ceiling {plan.ceiling_m:.2f} m")
-    return "; ".join(facts)
 
 
 def _draw_scale_bar(axes: Axes, sheet: Sheet) -> None:
@@ -204,15 +183,12 @@ def _draw_scale_bar(axes: Axes, sheet: Sheet) -> None:
     for number in (0, 1, 2, 4):
         label = f"{number * step_m:g}" + (" m" if number == 4 else "")
         axes.text(number * step_mm, FOOT_MM - 13, label, fontsize=7, ha="center", color=INK)
-    axes.text(0, FOOT_MM - 19, f"1 : {sheet.scale} on {sheet.paper}", fontsize=8, color=INK)
+    axes.text(0, FOOT_MM - 19, sheet.in_words, fontsize=8, color=INK)
 
 
-def _draw_arrow(axes: Axes, x_mm: float, labels: Labels, heading_rad: float) -> None:
-    """Draw an arrow to true north, or along the first heading, which is `heading_rad` on paper."""
-    name = "heading"
-    if labels.up is Up.NORTH:
-        name, heading_rad = "N", 0.0
+def _draw_arrow(axes: Axes, x_mm: float, pointing: Arrow) -> None:
     y_mm, half_mm = FOOT_MM - 9.5, 5.5
+    heading_rad = pointing.heading_rad
     x_off_mm, y_off_mm = half_mm * math.sin(heading_rad), half_mm * math.cos(heading_rad)
     axes.annotate(
         "",
@@ -220,4 +196,4 @@ def _draw_arrow(axes: Axes, x_mm: float, labels: Labels, heading_rad: float) -> 
         (x_mm - x_off_mm, y_mm - y_off_mm),
         arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 0.8},
     )
-    axes.text(x_mm, FOOT_MM - 19, name, fontsize=6.5, ha="center", color=FAINT)
+    axes.text(x_mm, FOOT_MM - 19, pointing.name, fontsize=6.5, ha="center", color=FAINT)

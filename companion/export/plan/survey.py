@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely import LineString, MultiLineString, Polygon
+from shapely import LineString, MultiLineString, MultiPolygon, Polygon
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, ned_to_frd
@@ -97,10 +97,15 @@ class Room:
         holes = tuple(map(ring, self.holes_ne_m))
         return replace(self, outline_ne_m=ring(self.outline_ne_m), holes_ne_m=holes)
 
-    @property
-    def label_ne_m(self) -> Vector2:
-        """Position of the room's name: centre of the largest circle that fits, (north, east), m."""
-        point = shapely.maximum_inscribed_circle(self.polygon, tolerance=0.05).coords[0]
+    def label_ne_m(self, furniture: Sequence[WallSegment]) -> Vector2:
+        """Position of the room's name, (north, east), m.
+
+        It is the centre of the largest circle that fits between the walls and the furniture.
+        """
+        lines = MultiLineString([_line(each.start_ne_m, each.end_ne_m) for each in furniture])
+        free = self.polygon.difference(lines.buffer(GRID_M))
+        assert isinstance(free, Polygon | MultiPolygon)  # what is left of a polygon
+        point = shapely.maximum_inscribed_circle(free, tolerance=0.05).coords[0]
         return point[1], point[0]
 
 

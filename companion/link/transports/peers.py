@@ -28,6 +28,8 @@ class Peer:
     """None before the first message of a peer that is not configured."""
     datagrams_sent: int = 0
     datagrams_received: int = 0
+    is_miscounted: bool = False
+    """Some were lost, so that the number of received ones says nothing until it is set anew."""
 
 
 class Peers:

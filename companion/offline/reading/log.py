@@ -1,7 +1,7 @@
 """A recorded log as arrays, independent of the file format."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -69,6 +69,16 @@ class Log:
     gyro_rad_s: Array | None
     """(n,): yaw rate, clockwise; NaN where missing."""
     reading: Reading
+
+    def part(self, rows: slice) -> "Log":
+        """Some of its rows."""
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            odometry=self.odometry[rows],
+            ranges_m={beam: values[rows] for beam, values in self.ranges_m.items()},
+            gyro_rad_s=None if self.gyro_rad_s is None else self.gyro_rad_s[rows],
+        )
 
     @staticmethod
     def of(

@@ -4,15 +4,8 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import (
-    HOLD,
-    Command,
-    CommandKind,
-    LandedState,
-    Setpoint,
-    Task,
-    VehicleState,
-)
+from companion.core.messages import HOLD, Command, CommandKind, LandedState, Setpoint, VehicleState
+from companion.pdps.flight.order import Task
 from companion.pdps.flight.state import (
     MISSION_PHASES,
     NOTHING,

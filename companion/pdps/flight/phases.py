@@ -9,12 +9,13 @@
                                                           │
                                                           │ fault gone: back to the phase before
                                                           ▼
-    with the orders of a script: PREPARE waits for the order to take off; TAKE_OFF, the missions
-    and HOME end in HOVER, which goes to a mission, HOME or LAND by order
+    with the orders of a script: PREPARE waits for the order to take off; TAKE_OFF, the missions,
+    FLY_TO, FLY_VELOCITY and HOME end in HOVER, which goes to one of these or LAND by order
+    (`orders.py`)
 
     the missions, in a team:       a teammate with the right of way is
                                    not heard                           ─► the drone holds its place
-    the missions, HOME, HOVER:     time or battery limit, no path home  ─► DIVERT if there is
+    the missions and orders, HOME: time or battery limit, no path home  ─► DIVERT if there is
                                                                            floor nearby, or LAND
     DIVERT:                        over floor that it has flown over    ─► DESCEND
                                    no path there, or timeout            ─► LAND
@@ -33,9 +34,9 @@
 
 Safety:
 
-- Setpoints are sent in TAKE_OFF (PX4), the missions, HOME, DIVERT, DESCEND, HOVER and HOLD: while
-  the vehicle is armed and in the requested mode. Before, in OFFBOARD and ARM, they have zero
-  velocity, and show PX4 that a companion is present.
+- Setpoints are sent in TAKE_OFF (PX4), the missions, FLY_TO, FLY_VELOCITY, HOME, DIVERT, DESCEND,
+  HOVER and HOLD: while the vehicle is armed and in the requested mode. Before, in OFFBOARD and ARM,
+  they have zero velocity, and show PX4 that a companion is present.
 - After the companion has requested its mode, any change to another mode comes from the pilot or the
   autopilot. Then the companion stops sending at once and for good, even if the mode returns. This
   includes PX4's LAND after late setpoints: more setpoints would return it to OFFBOARD.
@@ -50,14 +51,15 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import HOLD, STALE, Beam, Order, Setpoint, Task, VehicleState
+from companion.core.messages import HOLD, STALE, Beam, Setpoint, VehicleState
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.travel import in_the_open
 from companion.navigation.travel_state import Travel
 from companion.pdps import explore, layers, room_scan
-from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.explore import ExplorePhase
+from companion.pdps.flight import orders
 from companion.pdps.flight.ground import arm, connect, not_to_be_armed, offboard, prepare, take_off
 from companion.pdps.flight.landing import LAND_FROM_M, descend, divert, home, land, land_elsewhere
 from companion.pdps.flight.state import (
@@ -68,19 +70,22 @@ from companion.pdps.flight.state import (
     LINK_LOST_S,
     MISSION_PHASES,
     NOTHING,
+    TASK_PHASES,
     UNARMED_PHASES,
     FlightAction,
     FlightState,
     Phase,
+    PhaseStep,
     TickInput,
     after,
     age_s,
     go,
     hand_over,
 )
-from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.layers import LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
-from companion.pdps.room_scan_state import RoomScan, ScanPhase
+from companion.pdps.room_scan_state import ScanPhase
+from companion.safety import fence
 from companion.safety.control_laws import (
     BODY_RADIUS_M,
     CLIMB_LAG_S,
@@ -94,6 +99,10 @@ from companion.safety.velocity_guard import guarded
 
 ABOVE_LEVEL_M = 0.2
 """Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
+AT_EDGE_M = 0.1
+"""So near to the fence a scan of a room ends, m. Chosen: the guard hardly lets it go on."""
+BEYOND_FENCE = "the walls lead beyond mission.max_distance_m; exploring what is within it"
+"""Notice when a scan of a room ends at the fence."""
 
 
 def step(
@@ -108,17 +117,25 @@ def step(
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
         flight = cut_short
-    if flight.phase in MISSION_PHASES.values():
+    if flight.phase in TASK_PHASES:
         flight = _in_time(flight, view, plan)
-    step_of_phase = _hold_place if _must_hold_place(flight, view) else _STEPS[flight.phase]
+    step_of_phase = _step_of(flight, view)
     if flight.holds_at_ne_m and step_of_phase is not _hold_place:
         flight = flight.rested()
     flight, action = step_of_phase(flight, view, plan)
     if action.setpoint is not None and flight.phase in LEVEL_PHASES:
         flight, wanted = _let_pass(flight, view, plan, action.setpoint)
         level = replace(wanted, down_m_s=_climb(flight, view, plan))
-        action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
+        safe = guarded(level, view.around, plan.clearance_m)
+        flight, action = orders.note_limits(flight, view, safe), replace(action, setpoint=safe)
     return flight, action if _may_ask(flight, view.vehicle) else replace(action, command=None)
+
+
+def _step_of(flight: FlightState, view: TickInput) -> PhaseStep:
+    """The step of the phase, or what comes before it."""
+    if _must_hold_place(flight, view):
+        return _hold_place
+    return orders.comes_first(flight, view) or _STEPS[flight.phase]
 
 
 def _may_ask(flight: FlightState, vehicle: VehicleState) -> bool:
@@ -155,7 +172,9 @@ def _let_pass(
         passing = None if is_over else passing.see(pose, up, observation.mount_offset_m)
     elif _may_let_pass(flight, view):
         mount_m = observation.mount_offset_m
-        passing = passing_from(pose, up, mount_m, level_m, plan.clearance_m)
+        passing = passing_from(
+            pose, up, mount_m, level_m, plan.clearance_m, top_m=fence.top_m(plan)
+        )
     if passing is not flight.passing:
         flight = replace(flight, passing=passing)
     if passing is None:
@@ -171,19 +190,22 @@ def _may_let_pass(flight: FlightState, view: TickInput) -> bool:
 
 
 def _changes_height(flight: FlightState) -> bool:
-    """True if the drone descends, or climbs to another layer."""
+    """True if the drone descends, climbs to another layer, or changes its height by order."""
     climbs = flight.phase is Phase.LAYERS and flight.layers.phase is LayersPhase.CLIMB
-    return climbs or flight.phase is Phase.DESCEND
+    return climbs or flight.phase is Phase.DESCEND or flight.off_level is not None
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
-    """Down velocity, m/s, that keeps the layer's height and the clearance to the ceiling."""
+    """Down velocity, m/s, that keeps the height and the clearance to the ceiling and the fence."""
     descends = flight.phase is Phase.DESCEND
-    height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
+    height_m = LAND_FROM_M if descends else orders.height_m(flight, plan)
     if flight.passing and view.around.lets_pass:
         height_m = flight.passing.height_m(height_m, plan.clearance_m)
-    down_m_s = climb_to(height_m, view.observation.pose.height_m)
+    present_m = view.observation.pose.height_m
+    down_m_s = climb_to(height_m, present_m)
+    down_m_s = orders.down_m_s(flight, view, plan, down_m_s)
     room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    room_m = min(room_m, fence.top_m(plan) - present_m)
     least_m_s, most_m_s = view.around.climb_limits_m_s
     least_m_s = max(least_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
     return max(min(down_m_s, most_m_s), least_m_s)
@@ -204,17 +226,18 @@ def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fligh
 def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
     """Enters HOME. In an extra part this is no trouble: the mission is complete without it."""
     parts = flight.room, flight.building, flight.layers
-    is_extra = any(part.is_extra for part in parts)
+    is_extra = flight.phase in MISSION_PHASES.values() and any(part.is_extra for part in parts)
     trouble = "" if is_extra else f"turned back {why}"
-    return go(flight, Phase.HOME, view, trouble)
+    homeward = replace(flight, undone=trouble, way_home=Travel(START_NE_M), lost_since_s=math.inf)
+    return go(homeward, Phase.HOME, view, trouble)
 
 
 def _must_hold_place(flight: FlightState, view: TickInput) -> bool:
-    """True in a mission while a teammate with the right of way is not heard.
+    """True away from the start while a teammate with the right of way is not heard.
 
     The teammate keeps off the place at which this drone was when it was heard last.
     """
-    return view.observation.waits_for_radio and flight.phase in MISSION_PHASES.values()
+    return view.observation.waits_for_radio and flight.phase in TASK_PHASES
 
 
 def _hold_place(
@@ -233,6 +256,8 @@ def _room(
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = go(flight, after(Phase.HOME, view), view)
+    elif view.around.edge_m < AT_EDGE_M:
+        flight = replace(go(flight, Phase.BUILDING, view), notice=BEYOND_FENCE)
     elif room.phase is ScanPhase.BLOCKED:
         flight = go(flight, Phase.BUILDING, view)
     return flight, FlightAction(setpoint)
@@ -258,29 +283,6 @@ def _layers(
     if seen.phase is LayersPhase.DONE:
         flight = go(flight, after(Phase.HOME, view), view)
     return flight, FlightAction(setpoint)
-
-
-def _hover(
-    flight: FlightState, view: TickInput, plan: MissionConfig
-) -> tuple[FlightState, FlightAction]:
-    order = view.order
-    if order is None or order.number <= flight.obeyed:
-        return flight, FlightAction(HOLD)
-    match order.task:
-        case Task.SCAN:
-            fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
-            return _obey(fresh, MISSION_PHASES[plan.kind], view, order), FlightAction(HOLD)
-        case Task.HOME:
-            homeward = replace(flight, way_home=Travel(START_NE_M), lost_since_s=math.inf)
-            return _obey(homeward, Phase.HOME, view, order), FlightAction(HOLD)
-        case Task.LAND:
-            return _obey(flight, Phase.LAND, view, order), FlightAction(HOLD)
-        case _:
-            return replace(flight, obeyed=order.number), FlightAction(HOLD)
-
-
-def _obey(flight: FlightState, phase: Phase, view: TickInput, order: Order) -> FlightState:
-    return replace(go(flight, phase, view), obeyed=order.number)
 
 
 def _hold(
@@ -329,7 +331,7 @@ def _with_the_battery(
     percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
     if flight.diversion is None and percent <= plan.battery_land_percent:
         return land_elsewhere(flight, view, plan, f"{percent:.0f} % of the battery is left")
-    if percent <= plan.battery_home_percent and flight.phase in MISSION_PHASES.values():
+    if percent <= plan.battery_home_percent and flight.phase in TASK_PHASES:
         return _turn_back(flight, view, f"with {percent:.0f} % of the battery")
     return None
 
@@ -346,7 +348,9 @@ _STEPS = {
     Phase.HOME: home,
     Phase.DIVERT: divert,
     Phase.DESCEND: descend,
-    Phase.HOVER: _hover,
+    Phase.FLY_TO: orders.fly_to,
+    Phase.FLY_VELOCITY: orders.fly_velocity,
+    Phase.HOVER: orders.hover,
     Phase.HOLD: _hold,
     Phase.LAND: land,
 }

@@ -2,11 +2,13 @@
 
 import enum
 import math
+from collections.abc import Callable
 from dataclasses import field, replace
 from itertools import zip_longest
 
+from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
-from companion.core.messages import Command, Fault, Order, Setpoint, VehicleState
+from companion.core.messages import Command, Fault, Setpoint, VehicleState
 from companion.core.values import value
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
@@ -15,6 +17,9 @@ from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.observation import Observation
 from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.flight.fly_to import FlyTo
+from companion.pdps.flight.fly_velocity import FlyVelocity
+from companion.pdps.flight.order import Order
 from companion.pdps.frontiers import Places
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan_state import RoomScan
@@ -39,6 +44,8 @@ class Phase(enum.Enum):
     ROOM = "scanning the room"
     BUILDING = "exploring the building"
     LAYERS = "exploring layer by layer"
+    FLY_TO = "flying to a place by order"
+    FLY_VELOCITY = "flying at a velocity by order"
     HOME = "returning to the start"
     DIVERT = "flying to a place to land"
     DESCEND = "descending"
@@ -57,13 +64,15 @@ MISSION_PHASES = {
     "layers": Phase.LAYERS,
 }
 """Phase of each kind of mission."""
+TASK_PHASES = frozenset({*MISSION_PHASES.values(), Phase.FLY_TO, Phase.FLY_VELOCITY})
+"""Phases away from the start, which end in time for the path home."""
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 """Phases that end the flight."""
 UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD, Phase.ARM})
 """Phases before arming."""
 FLYING_PHASES = frozenset(
     {
-        *(Phase.TAKE_OFF, *MISSION_PHASES.values()),
+        *(Phase.TAKE_OFF, *TASK_PHASES),
         *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
     }
 )
@@ -95,6 +104,18 @@ class TickInput:
     """Order of a script; None if the whole mission is flown without one."""
     starved: str = ""
     """Reason why the computer is too slow to fly; empty if it is not."""
+
+
+@value
+class OffLevel:
+    """A height other than that of the map, to which a script's order has led."""
+
+    height_m: float
+    """Height above the take-off point, which the drone holds while it hovers."""
+    from_ne_m: Vector2 | None = None
+    """Place at which it returns to the height of the map, local NED, m; None before."""
+    since_s: float = math.inf
+    """Begin of the return, s."""
 
 
 @value
@@ -141,6 +162,14 @@ class FlightState:
     """Place at which the drone holds until it hears its teammates, local NED, m."""
     obeyed: int = 0
     """Number of the last executed order."""
+    fly_to: FlyTo | None = None
+    """Flight to a place, in FLY_TO."""
+    fly_velocity: FlyVelocity | None = None
+    """Flight at a velocity, in FLY_VELOCITY."""
+    off_level: OffLevel | None = None
+    """None at the height of the map."""
+    undone: str = ""
+    """Reason why the last executed order was not completed; empty without one."""
 
     @property
     def completed(self) -> bool:
@@ -160,6 +189,11 @@ class FlightState:
         return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
 
     @property
+    def unfinished(self) -> str:
+        """Why the mission was not completed; empty if it was."""
+        return "" if self.completed else self.ending
+
+    @property
     def waits(self) -> bool:
         """True while the drone waits for others, and lets them pass."""
         is_waiting = self.explores is not None and self.explores.phase is ExplorePhase.WAIT
@@ -174,6 +208,8 @@ class FlightState:
             return self.way_home
         if self.phase is Phase.DIVERT:
             return self.diversion
+        if self.phase is Phase.FLY_TO and self.fly_to is not None:
+            return self.fly_to.travel
         if self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.RETURN:
             return self.layers.travel
         return self.explores.travel if self.explores else None
@@ -191,6 +227,7 @@ class FlightState:
             ),
             way_home=self.way_home.rested(),
             diversion=self.diversion and self.diversion.rested(),
+            fly_to=self.fly_to and self.fly_to.rested(),
         )
 
     @property
@@ -222,6 +259,8 @@ class FlightState:
             Phase.BUILDING: self.building.activity,
             Phase.LAYERS: self.layers.activity,
         }
+        if self.fly_to is not None:
+            parts[Phase.FLY_TO] = self.fly_to.activity
         return str(parts.get(self.phase, self.phase.value))
 
 
@@ -235,6 +274,8 @@ class FlightAction:
 
 NOTHING = FlightAction()
 """No setpoint and no command."""
+PhaseStep = Callable[[FlightState, TickInput, MissionConfig], tuple[FlightState, FlightAction]]
+"""Runs one tick of a phase: the next state, and the action that it asks for."""
 
 
 def go(

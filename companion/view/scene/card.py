@@ -65,8 +65,8 @@ class Card:
         )
         style = "font-size:.8em;line-height:1.25;border-spacing:0"
         table = f'<table class="pdps-result" style="{style}">{cells}</table>'
-        frame = "display:flex;flex-wrap:wrap;gap:1em;margin:.4em .8em"
-        return f'<div style="{frame}">{picture}<div>{table}</div></div>'
+        style = "display:flex;flex-wrap:wrap;gap:1em;margin:.4em .8em"
+        return f'<div style="{style}">{picture}<div>{table}</div></div>'
 
 
 def picture_of(plan: FloorPlan) -> bytes:

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from companion.bringup.capture import readings_of, rest_bias_rad_s, turn_rad
+from companion.bringup.findings import CheckResult, Finding
 from companion.bringup.hand_test import changed_beam, verdict
-from companion.bringup.self_test import CheckResult, Examination, Finding
+from companion.bringup.self_test import Examination
 from companion.config.settings import Config
 from companion.core.messages import Beam, RangeReading, RangeState
 from companion.link.transports.serial_transport import SerialTransport
@@ -32,6 +33,7 @@ class Drone:
         parameters: dict[str, float] | None = None,
         *,
         send_pose: bool = False,
+        mission: dict[str, Any] | None = None,
         **sensor_settings: Any,
     ) -> None:
         defaults = Config()
@@ -40,7 +42,8 @@ class Drone:
         sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         link = {"send_pose": send_pose}
-        config = Config.model_validate({"sensors": sensor_settings, "link": link})
+        groups = {"sensors": sensor_settings, "link": link, "mission": mission or {}}
+        config = Config.model_validate(groups)
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
 
     def examined(self, seconds: float = 6.0) -> dict[str, Finding]:
@@ -191,6 +194,29 @@ def test_an_avoidance_margin_larger_than_the_standoff_is_reported(
     assert good or "AVOID_MARGIN to 1" in avoidance.remedy
 
 
+FENCE = {"FENCE_ENABLE": 1, "FENCE_TYPE": 3, "FENCE_MARGIN": 1, "FENCE_ACTION": 2}
+
+
+@pytest.mark.parametrize(
+    ("parameters", "good", "words"),
+    [
+        ({}, True, "the companion's only"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 9}, True, "max_height_m 2.5 m"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.0, "FENCE_RADIUS": 9}, False, "stops at 2 m"),
+        ({**FENCE, "FENCE_ALT_MAX": 3.5, "FENCE_RADIUS": 4}, False, "mission.max_distance_m = 8"),
+        ({**FENCE, "FENCE_ALT_MAX": 9, "FENCE_RADIUS": 9, "FENCE_ACTION": 1}, False, "climbs"),
+    ],
+)
+def test_the_fence_of_the_autopilot_is_compared_with_the_limits_of_the_mission(
+    parameters: dict[str, float], good: bool, words: str
+) -> None:
+    """ArduPilot's avoidance stops the drone FENCE_MARGIN before its fence."""
+    fence = Drone(parameters, mission={"max_height_m": 2.5, "max_distance_m": 8}).examined(3.0)
+    assert (fence["fence"].verdict is CheckResult.GOOD) == good
+    assert words in fence["fence"].seen
+    assert good or "link.set_fence" in fence["fence"].remedy
+
+
 class Port:
     """A serial port that always returns the same bytes."""
 
@@ -222,6 +248,20 @@ def test_a_silent_port_and_a_wrong_baud_rate_have_different_remedies(
     findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
     assert findings["link"].verdict is CheckResult.BAD
     assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
+
+
+@pytest.mark.parametrize(
+    ("port", "told"), [("serial0", True), ("ttyAMA10", True), ("ttyAMA0", False)]
+)
+def test_a_silent_debug_connector_of_a_raspberry_pi_5_is_told(
+    monkeypatch: pytest.MonkeyPatch, port: str, told: bool
+) -> None:
+    monkeypatch.setattr(SerialTransport, "_open", lambda self: Port(b""))
+    config = Config.model_validate({"link": {"url": f"serial:/dev/{port}:921600"}})
+    bench = make_bench("gp2y0a710k0f")
+    examination = Examination(config, SerialTransport(config.link.url, 1, 191), bench.bus)
+    findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
+    assert ("debug connector: use /dev/ttyAMA0" in findings["link"].remedy) == told
 
 
 def test_a_port_that_accepts_no_bytes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:

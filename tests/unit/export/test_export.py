@@ -5,10 +5,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import ezdxf.filemanagement
 import ezdxf.path
+import ifcopenshell
+import ifcopenshell.util.placement
 import numpy as np
 import pyoctomap
 import pytest
@@ -20,6 +23,7 @@ from fontTools.pens.recordingPen import RecordingPen
 from fontTools.svgLib.path import parse_path
 from hypothesis import given
 from hypothesis import strategies as st
+from ifcopenshell.util.element import get_psets
 from PIL import Image
 from pypcd4.pypcd4 import PointCloud
 from pypdf import PdfReader
@@ -31,6 +35,7 @@ from companion.core.frames import Place, ned_to_enu, ned_to_gltf
 from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, export
+from companion.export.map_files import save_json
 from companion.export.plan.figure import INK
 from companion.export.plan.labels import Labels
 from companion.export.plan.sheet import EDGE_MM, FOOT_MM, choose_sheet
@@ -38,6 +43,7 @@ from companion.export.plan.survey import Survey, survey
 from companion.export.plan.turned import Up
 from sitl.testing import Flight, Sitl
 from sitl.world.plan import wall_surfaces
+from tests.unit.export.map_schema import deviations
 
 pytestmark = pytest.mark.flights
 
@@ -117,6 +123,22 @@ def test_ezdxf_finds_walls_rooms_and_dimensions_in_metres(exported: Exported) ->
     assert shapely.Polygon(corners).area == pytest.approx(100, rel=0.02)
     labels = [text.dxf.text for text in space.query('TEXT[layer=="LABELS"]')]
     assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.1f} m2"]
+
+
+def test_ifcopenshell_finds_the_surfaces_of_the_walls(exported: Exported) -> None:
+    """Each wall of the room was seen from inside, so its axis is the surface that was seen."""
+    model: Any = ifcopenshell.open(exported.path("ifc"))
+    ends = []
+    for wall in model.by_type("IfcWall"):
+        matrix = ifcopenshell.util.placement.get_local_placement(wall.ObjectPlacement)
+        length_m = get_psets(wall)["Qto_WallBaseQuantities"]["Length"]
+        ends.append([(matrix @ [along_m, 0, 0, 1])[:2] for along_m in (0, length_m)])
+    assert len(ends) == 4
+    exported.assert_walls(along(np.array(ends)))
+    (space,) = model.by_type("IfcSpace")
+    assert get_psets(space)["Qto_SpaceBaseQuantities"]["NetFloorArea"] == pytest.approx(
+        100, rel=0.02
+    )
 
 
 def test_trimesh_finds_floor_walls_and_ceiling_in_the_glb(exported: Exported) -> None:
@@ -213,6 +235,14 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
         assert np.sqrt(np.diag(covariance)) == pytest.approx([wall.sigma_m, wall.normal_sigma_rad])
     assert record["rooms"][0]["area_m2"] == pytest.approx(100, rel=0.02)
     assert len(record["path"]) == len(plan.path)
+
+
+def test_both_json_files_of_a_flight_follow_the_published_schema(
+    exported: Exported, tmp_path: Path
+) -> None:
+    save_json(exported.flight.plan, tmp_path / "map.json")
+    for path in (exported.path("json"), tmp_path / "map.json"):
+        assert deviations(path) == []
 
 
 def off_paper(survey: Survey, points_up_pt: Array) -> Array:

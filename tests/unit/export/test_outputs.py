@@ -23,10 +23,10 @@ from companion.core.frames import Place, Vector2
 from companion.core.messages import FloorPlan, Pose, WallSegment
 from companion.export import formats, map_files
 from companion.export.colours import flight_colour
+from companion.export.dxf.write import write_dxf
 from companion.export.formats import export
 from companion.export.map_files import save
 from companion.export.map_png import draw
-from companion.export.plan.dxf import write_dxf
 from companion.export.plan.labels import Labels
 from companion.export.plan.survey import survey
 from companion.export.ros_map import write_ros_map

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 
 import ezdxf.filemanagement
@@ -15,66 +15,20 @@ from hypothesis import strategies as st
 
 from companion.core.errors import ConfigError
 from companion.core.frames import Vector2
-from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallSegment
+from companion.core.messages import FloorPlan
+from companion.export.dxf.write import write_dxf
 from companion.export.plan.building import building
 from companion.export.plan.dimensions import CHARACTER, Dimension
 from companion.export.plan.drawing import Contents, draw
-from companion.export.plan.dxf import write_dxf
 from companion.export.plan.labels import Labels
 from companion.export.plan.room_names import read_room_names
 from companion.export.plan.sheet import choose_sheet, write_svg
 from companion.export.plan.survey import survey
 from companion.export.plan.turned import Up, main_direction_rad, turned, up_rad
+from tests.unit.export.plans import THICK_M, ring, seen, two_rooms, wall
 
 LABELS = Labels("a flight", heading_rad=math.radians(30))
-THICK_M = 0.12
 SCALE = 100
-
-
-def wall(start: Vector2, end: Vector2) -> WallSegment:
-    return WallSegment(start, end, 0.01, 20, 0.01)
-
-
-def ring(*corners: Vector2) -> list[WallSegment]:
-    return [wall(a, b) for a, b in pairwise((*corners, corners[0]))]
-
-
-def seen(walls: list[WallSegment], *places: Vector2) -> FloorPlan:
-    """A map of walls that the drone saw from places; beams to each half metre of each wall."""
-    path = [Pose(float(number), *place, -1.2, 0.0) for number, place in enumerate(places)]
-    surfaces = shapely.MultiLineString([[each.start_ne_m, each.end_ne_m] for each in walls])
-    hits = [
-        Hit(pose.time_s, Beam.FRONT, (north_m, east_m, -1.2), 0.01, number)
-        for pose in path
-        for number, each in enumerate(walls)
-        for north_m, east_m in met_at(each)
-        if is_met(pose.ne_m, (north_m, east_m), surfaces)
-    ]
-    return FloorPlan(walls=tuple(walls), hits=tuple(hits), path=tuple(path), ceiling_m=2.5)
-
-
-def met_at(surface: WallSegment) -> list[Vector2]:
-    """Places each half metre on a wall, its middle if it is short."""
-    line = shapely.LineString([surface.start_ne_m, surface.end_ne_m])
-    steps = max(2, int(2 * surface.length_m))
-    points = (line.interpolate(number / steps, normalized=True) for number in range(1, steps))
-    return [(point.x, point.y) for point in points]
-
-
-def is_met(eye: Vector2, end: Vector2, surfaces: shapely.MultiLineString) -> bool:
-    """True if no surface is in the way of a beam."""
-    beam = shapely.LineString([eye, end])
-    return beam.intersection(surfaces).distance(shapely.Point(eye)) > beam.length - 0.01
-
-
-def two_rooms() -> FloorPlan:
-    """Rooms of 4 m by 5 m on either side of a wall, a cupboard in the first."""
-    first = ring((0.0, 0.0), (5.0, 0.0), (5.0, 4.0), (0.0, 4.0))
-    second = ring(
-        (0.0, 4.0 + THICK_M), (5.0, 4.0 + THICK_M), (5.0, 8.0 + THICK_M), (0.0, 8.0 + THICK_M)
-    )
-    cupboard = ring((2.0, 1.0), (2.5, 1.2), (2.4, 1.7), (1.9, 1.5))
-    return seen([*first, *second, *cupboard], (4.0, 2.0), (1.0, 2.0), (2.5, 6.0))
 
 
 @given(st.floats(-44, 44), st.floats(12, 78))
@@ -97,7 +51,7 @@ def test_the_main_walls_stand_upright_at_any_heading_of_take_off(
 )
 def test_walls_the_heading_or_true_north_can_be_up(up: Up, wanted_deg: float) -> None:
     room = turned(two_rooms(), -math.radians(20))
-    assert math.degrees(up_rad(room, up, LABELS.heading_rad)) == pytest.approx(wanted_deg, abs=0.5)
+    assert math.degrees(replace(LABELS, up=up).up_rad(room)) == pytest.approx(wanted_deg, abs=0.5)
 
 
 def test_a_wall_seen_from_both_sides_is_solid_and_has_its_thickness() -> None:
@@ -163,6 +117,19 @@ def test_no_text_lies_on_another_or_on_a_line(pieces: list[tuple[Vector2, Vector
             assert not line.intersects(text)
         for drawn in drawing.dimensions:
             assert not shapely.LineString(drawn.line.reshape(2, 2)).intersects(text)
+
+
+@pytest.mark.parametrize("east_m", [2.5, 4.0, 5.5])
+def test_the_name_of_a_room_is_not_on_furniture(east_m: float) -> None:
+    """A board stands in the middle of the room of 5 m by 8 m."""
+    room = ring((0.0, 0.0), (5.0, 0.0), (5.0, 8.0), (0.0, 8.0))
+    board = wall((2.0, east_m), (3.0, east_m))
+    plan = seen([*room, board], (1.0, 1.0), (4.0, 1.0), (1.0, 7.0), (4.0, 7.0))
+    names = draw(plan, survey(plan).rooms, (), Contents(), SCALE / 1000).labels
+    line = shapely.LineString([(east_m, 2.0), (east_m, 3.0)])
+    assert names
+    for label in names:
+        assert line.distance(shapely.Point(label.at_xy_m)) > 1.0
 
 
 def test_an_office_of_16_by_10_m_fits_on_a4_at_any_heading() -> None:

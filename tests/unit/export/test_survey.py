@@ -87,7 +87,7 @@ def test_the_inside_of_a_wall_with_an_open_end_is_not_part_of_a_room() -> None:
     assert [room.area_m2 for room in rooms] == pytest.approx([22.3, 22.0], abs=0.15)
 
 
-def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_path: Path) -> None:
+def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_block_in_the_dxf(tmp_path: Path) -> None:
     found = survey(true_plan("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)]))
     glb, dxf = export(
         found, ["glb", "dxf"], tmp_path, "map", Labels("a plan", Place(47.4, 8.5, 0.0))
@@ -100,7 +100,8 @@ def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_p
     walls = trimesh.load_scene(glb).geometry["walls"]
     assert len(walls.ray.intersects_location([[9.0, 1.0, -7.5]], [[1.0, 0.0, 0.0]])[0]) == 1
     space = ezdxf.filemanagement.readfile(dxf).modelspace()
-    assert len(space.query('LINE[layer=="OPENINGS"]')) == 1
+    (block,) = space.query('INSERT[layer=="OPENINGS"]')
+    assert block.dxf.xscale == pytest.approx(opening.width_m)
 
 
 def test_a_room_that_neither_beams_nor_the_path_entered_is_not_a_room() -> None:

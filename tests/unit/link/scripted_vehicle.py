@@ -16,9 +16,9 @@ TICK_S = 0.05
 class Vehicle:
     """An autopilot that sends the messages of the test and stores those it receives."""
 
-    def __init__(self, config: LinkConfig | None = None) -> None:
+    def __init__(self, config: LinkConfig | None = None, *, needs_pilot: bool = False) -> None:
         self.transport, companion = pipe_pair()
-        self.link = Link(companion, config or LinkConfig())
+        self.link = Link(companion, config or LinkConfig(), needs_pilot=needs_pilot)
         self.now_s = 0.0
         self.received: list[Message] = []
         self.received_at: list[tuple[float, Message]] = []

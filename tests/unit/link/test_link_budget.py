@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from companion.bringup.self_test import CheckResult, Examination
+from companion.bringup.findings import CheckResult
+from companion.bringup.self_test import Examination
 from companion.config.settings import Config
 from companion.core.errors import ConfigError
 from companion.link.link_budget import budget_error, link_budget

@@ -147,3 +147,48 @@ def test_the_autopilots_own_odometry_does_not_count_as_a_second_sender() -> None
     )
     vehicle.sends(own)
     assert vehicle.waits_for == ""
+
+
+# The pilot
+
+
+RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+
+
+def sys_status(present: int, healthy: int) -> Message:
+    return mavlink.MAVLink_sys_status_message(
+        present, present, healthy, 0, 12000, 100, 90, 0, 0, 0, 0, 0, 0
+    )
+
+
+def ready_but_for_the_pilot(mode: int) -> Vehicle:
+    vehicle = Vehicle(needs_pilot=True)
+    timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 65535)
+    estimate = mavlink.MAVLink_ekf_status_report_message(895, 0, 0, 0, 0, 0)
+    vehicle.sends(heartbeat(mode), position(1), timeout, landed_state(1), estimate)
+    return vehicle
+
+
+@pytest.mark.parametrize(
+    ("present", "healthy", "is_received"),
+    [(0, 0, False), (0, RECEIVER, False), (RECEIVER, 0, False), (RECEIVER, RECEIVER, True)],
+)
+def test_a_pilot_needs_a_transmitter_that_is_received_now(
+    present: int, healthy: int, is_received: bool
+) -> None:
+    """PX4 reports a missing receiver as healthy, ArduPilot a lost transmitter as present."""
+    state = ready_but_for_the_pilot(mode=5).sends(sys_status(present, healthy)).vehicle
+    assert state.estimate_ready == is_received
+    assert is_received or "preflight.transmitter = true needs" in state.waits_for
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [(5, ""), (2, ""), (16, ""), (0, "STABILIZE"), (9, "LAND"), (4, "GUIDED")],
+)
+def test_a_take_off_begins_from_a_mode_that_holds_the_height(mode: int, words: str) -> None:
+    vehicle = ready_but_for_the_pilot(mode)
+    state = vehicle.sends(sys_status(RECEIVER, RECEIVER)).vehicle
+    assert state.estimate_ready == (not words)
+    assert words in state.waits_for
+    assert not words or "switch to LOITER, POSHOLD, ALT_HOLD" in state.waits_for

@@ -4,6 +4,7 @@ import math
 import select
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from types import SimpleNamespace
 
@@ -74,6 +75,29 @@ def test_udp_replies_to_the_sender(udp_pair: UdpPair) -> None:
     companion.await_datagrams(1, 2.0)
     (answer,) = companion.receive()
     assert (answer.get_srcSystem(), answer.get_srcComponent()) == (1, 1)
+
+
+def test_datagrams_that_were_lost_do_not_delay_every_later_wait() -> None:
+    """A simulator that sends before its companion listens, and while the companion waits."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    early = UdpTransport(f"udpout:127.0.0.1:{port}", 1, 1)
+    for _ in range(30):
+        early.send(heartbeat())
+    companion = UdpTransport(f"udpin:127.0.0.1:{port}", 1, 191)
+    for _ in range(5):
+        early.send(heartbeat())
+    companion.await_datagrams(30, 0.1)
+    for total in (37, 39, 41):
+        early.send(heartbeat())
+        early.send(heartbeat())
+        began_s = time.monotonic()
+        companion.await_datagrams(total, 10.0)
+        assert time.monotonic() - began_s < 5.0
+        assert companion.datagrams_received == total
+    early.close()
+    companion.close()
 
 
 @pytest.mark.parametrize("garbage", [b"hello", b"\xfd" * 40, b"\xfd\x09\x00\x00", b"\xfe\xff"])

@@ -31,10 +31,12 @@ from companion.core.messages import (
     RangeReading,
     RangeScan,
     RangeState,
+    Setpoint,
     VehicleState,
 )
 from companion.link.link import Telemetry
 from companion.link.transports.transport import pipe_pair
+from companion.pdps.flight.order import Order, Target, Task
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_ticks, encode_plan, encode_ticks
 from companion.recording.reader import read
@@ -57,6 +59,16 @@ BEGIN_BYTES = 200
 END_BYTES = 9
 NUMBERS = st.tuples(ANY, ANY, ANY)
 READINGS = st.builds(RangeReading, st.sampled_from(RangeState), ANY, ANY)
+ORDERS = st.builds(
+    Order,
+    st.integers(0, 2**31),
+    st.sampled_from(Task),
+    st.text(),
+    st.none() | st.builds(Target, st.tuples(ANY, ANY), st.none() | ANY, st.none() | ANY),
+    st.builds(Setpoint, ANY, ANY, ANY, ANY),
+    ANY,
+    st.booleans(),
+)
 TICKS = st.builds(
     Tick,
     ANY,
@@ -71,6 +83,7 @@ TICKS = st.builds(
         st.lists(st.builds(GyroSample, ANY, ANY), max_size=7),
         st.builds(RangeScan, ANY, st.dictionaries(st.sampled_from(Beam), READINGS)),
         st.booleans(),
+        st.none() | ORDERS,
     ),
 )
 

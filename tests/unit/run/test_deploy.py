@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from companion.config import settings as configuration
 from companion.pdps.flight.state import FlightState, Phase
 from companion.run.unattended import exit_status
 from sitl.autopilot.parameters.table import load_table
+from tests.deployed import FILES, deployed
 
 pytestmark = pytest.mark.processes
 
@@ -36,7 +38,8 @@ STUB = """#!/bin/sh
 # Stands for python3: makes a venv of itself, installs nothing
 case "$1 $2" in
     "-m venv") mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
-    "-m pip" | "-m ensurepip") ;;
+    "-m pip") echo "$@" >> "@PACKAGES@/pip.txt" ;;
+    "-m ensurepip") ;;
     "-c import sysconfig; print"*) echo "@PACKAGES@" ;;
     *) exec @PYTHON@ "$@" ;;
 esac
@@ -79,18 +82,46 @@ def test_the_installed_configuration_is_valid() -> None:
     assert len(sensors.beams) == 5
 
 
-@pytest.mark.parametrize(
-    ("file", "autopilot"), [("ardupilot.parm", "ardupilot"), ("px4.params", "px4")]
-)
-def test_the_parameters_exist_and_are_in_range(file: str, autopilot: str) -> None:
-    table = load_table(autopilot)
-    lines = [line.split("#")[0].split() for line in (DEPLOY / file).read_text().splitlines()]
-    parameters = [(w[2], w[3]) if len(w) == 5 else (w[0], w[1]) for w in lines if w]
-    assert parameters
-    for name, value in parameters:
-        if name not in HARDWARE_ONLY:
-            parameter = table[name]
-            assert parameter.least <= float(value) <= parameter.most
+@pytest.mark.parametrize("autopilot", FILES)
+def test_the_parameters_exist_and_are_in_range(autopilot: str) -> None:
+    table, values = load_table(autopilot), deployed(autopilot)
+    assert set(values) - set(table) <= HARDWARE_ONLY
+    for name, value in values.items():
+        if name in table:
+            assert table[name].least <= value <= table[name].most
+
+
+@pytest.mark.parametrize("autopilot", FILES)
+def test_every_parameter_has_its_own_comment_on_the_line_above(autopilot: str) -> None:
+    """Ground stations differ in what they take at the end of a line."""
+    lines = FILES[autopilot].read_text().splitlines()
+    for above, line in pairwise(lines):
+        if line and not line.startswith("#"):
+            assert above.startswith("# "), line
+            assert not above.startswith("# ---"), line
+            assert "#" not in line
+
+
+def test_nothing_but_landing_follows_a_failure() -> None:
+    """A return first climbs, into the ceiling; an exception would ignore the failure."""
+    ardupilot, px4 = deployed("ardupilot"), deployed("px4")
+    assert ardupilot["FS_THR_ENABLE"] == px4["NAV_RCL_ACT"] == 3
+    assert ardupilot["FS_OPTIONS"] == px4["COM_RCL_EXCEPT"] == 0
+    assert ardupilot["BATT_FS_CRT_ACT"] == ardupilot["FS_DR_ENABLE"] == 1
+    assert px4["COM_LOW_BAT_ACT"] == 2
+    assert ardupilot["RTL_ALT"] <= 30
+    assert px4["RTL_RETURN_ALT"] == px4["RTL_DESCEND_ALT"] == 0
+
+
+@pytest.mark.parametrize("page", ["first-flight.md", "deploy.md"])
+def test_the_documentation_gives_the_values_of_the_files(page: str) -> None:
+    """In the documentation a value stands as `NAME VALUE`."""
+    both = deployed("ardupilot") | deployed("px4")
+    text = (DEPLOY.parent / "docs" / page).read_text()
+    stated = re.findall(r"`([A-Z][A-Z0-9_]+) (-?[0-9.]+)`", text)
+    differing = {n: v for n, v in stated if n in both and float(v) != both[n]}
+    assert differing == {}
+    assert page == "deploy.md" or len({name for name, _ in stated} & set(both)) > 5
 
 
 def install(root: Path, stub: Path, *arguments: str) -> str:
@@ -128,8 +159,12 @@ def test_installing_again_changes_nothing_and_keeps_the_configuration(
     assert "companion check" in install(root, stub)
     (root / "etc/pdps/drone.toml").write_text("# mine\n")
     first = files(root)
-    install(root, stub)
+    install(root, stub, "--extra", "foxglove,team")
     assert files(root) == first
+    installed = (tmp_path / "packages" / "pip.txt").read_text().splitlines()
+    assert [line.rpartition(" ")[2] for line in installed] == [
+        f"{DEPLOY.parent}{extras}" for extras in ("", "[foxglove,team]")
+    ]
     assert first["etc/pdps/drone.toml"] == b"# mine\n"
     config = first["boot/firmware/config.txt"].decode().splitlines()
     assert config.count("dtparam=spi=on") == 1

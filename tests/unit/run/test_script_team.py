@@ -21,20 +21,20 @@ def test_a_script_sees_the_teammates_that_are_heard() -> None:
     drone = connect(settings=TEAM)
     assert not drone.teammates
     own, first = Member(2, 0), Member(1, 0)
-    team = drone._app.team
+    team = drone._flight.app.team
     assert team is not None
     team.mates.hear(1.0, first.tell(1.0), lambda: own.walls, own.grid.grid)
-    drone._tick(outputs(1.0))
+    drone._flight.tick(outputs(1.0))
     [mate] = drone.teammates
     assert (mate.drone, mate.phase, mate.battery) == (1, "exploring", 0.8)
     assert mate.ne_m == pytest.approx((-0.5, 1.0))
-    drone._tick(outputs(60.0))
+    drone._flight.tick(outputs(60.0))
     assert not drone.teammates
 
 
 def test_a_drone_that_flies_alone_has_no_teammates() -> None:
     drone = connect()
-    drone._tick(outputs(1.0))
+    drone._flight.tick(outputs(1.0))
     assert not drone.teammates
 
 

@@ -21,7 +21,7 @@ from companion.run.loop import ControlLoop
 
 
 @contextmanager
-def no_rig(*_: object) -> Iterator[tuple[None, Any]]:
+def no_rig(*_: object, skip_rehearsal: bool) -> Iterator[tuple[None, Any]]:
     yield None, NOT_RECORDED
 
 

@@ -11,7 +11,8 @@ from threading import Thread
 import pytest
 
 from companion.app import App
-from companion.config.settings import Config, MissionConfig, ViewConfig, load
+from companion.config.settings import Config, MissionConfig, load
+from companion.config.view import ViewConfig
 from companion.core.errors import ConfigError, ViewError
 from companion.core.messages import (
     Beam,

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.core.messages import HOLD, CommandKind, Order, Task
+from companion.core.messages import HOLD, CommandKind
 from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.flight.order import Order, Task
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, Phase, TickInput
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
@@ -61,12 +62,15 @@ def test_a_second_scan_starts_from_its_initial_state() -> None:
 
 
 def test_the_drone_hovers_after_a_completed_order() -> None:
-    closed = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.CLOSED))
-    seen = replace(flying(Phase.BUILDING), building=Explore(ExplorePhase.DONE))
+    scanning = replace(flying(Phase.ROOM), obeyed=SCAN.number)
+    closed = replace(scanning, room=RoomScan(ScanPhase.CLOSED))
+    seen = replace(scanning, phase=Phase.BUILDING, building=Explore(ExplorePhase.DONE))
     at_home = view(position=(0.0, 0.0))
-    assert after(closed, ordered(SCAN)).phase is Phase.HOVER
-    assert after(seen, ordered(SCAN)).phase is Phase.HOVER
-    assert after(flying(Phase.HOME), ordered(HOME, at_home)).phase in (Phase.HOME, Phase.HOVER)
+    for flight in (closed, seen):
+        done = after(flight, ordered(SCAN))
+        assert (done.phase, done.undone) == (Phase.HOVER, "")
+    homeward = replace(flying(Phase.HOME), obeyed=HOME.number)
+    assert after(homeward, ordered(HOME, at_home)).phase in (Phase.HOME, Phase.HOVER)
 
 
 def test_the_drone_lands_in_any_phase_when_the_script_ends() -> None:

@@ -153,6 +153,16 @@ def test_sys_status_reports_the_sensor_bits(firmware: str) -> None:
 
 
 @FIRMWARE
+def test_sys_status_reports_the_transmitter(firmware: str) -> None:
+    client = Client(firmware)
+    receiver = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+    for on in (False, True, False):
+        client.autopilot.switch_transmitter(on=on)
+        status = requested(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+        assert bool(status.onboard_control_sensors_present & receiver) is on
+
+
+@FIRMWARE
 def test_the_battery_has_four_cells(firmware: str) -> None:
     battery = requested(Client(firmware), mavlink.MAVLINK_MSG_ID_BATTERY_STATUS)
     assert list(battery.voltages) == [4200] * 4 + [65535] * 6

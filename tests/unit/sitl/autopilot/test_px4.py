@@ -50,6 +50,17 @@ def stream(client: Client, seconds: float, **velocity: float) -> None:
         client.waits(0.05)
 
 
+def test_px4_leaves_offboard_on_the_ground_too(client: Client) -> None:
+    armed(client)
+    stream(client, 1.2)
+    assert client.result(176, 1, 6) == ACCEPTED
+    client.sets("COM_OBL_RC_ACT", as_float("<i", 4), mavlink.MAV_PARAM_TYPE_INT32)
+    assert client.autopilot.mode == OFFBOARD
+    client.waits(1.3)
+    assert client.autopilot.mode == AUTO_LAND
+    assert client.autopilot.truth.position_ned_m[2] == 0
+
+
 def test_px4_streams_position_and_attitude_without_a_request(client: Client) -> None:
     client.waits(5)
     client.sends(ORIGIN)

@@ -1,0 +1,1 @@
+"""Writes the floor plan as DXF for CAD."""
