@@ -70,6 +70,12 @@ class FoxgloveClient:
                 _, subscription, time_ns = _HEADER.unpack_from(frame)
                 yield Received(names[subscription], time_ns / 1e9, frame[_HEADER.size :])
 
+    def await_time(self, time_s: float) -> None:
+        """Read until the server's clock has come to a time."""
+        messages = self.messages()
+        while not self.time_s >= time_s:
+            next(messages)
+
     def next_of(self, topic: str) -> Received:
         """The next message of a topic."""
         return next(message for message in self.messages() if message.topic == topic)

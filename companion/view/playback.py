@@ -105,7 +105,8 @@ class Playback:
             last = self._snapshots[-1]
             self._snapshots[-1] = replace(last, sketch=sketch_of(news))
             self._sketched.append(len(self._snapshots) - 1)
-            threading.Thread(target=self._deal, args=(news, last), daemon=True).start()
+            # no daemon: the end of the process would cut compiled code off, and abort
+            threading.Thread(target=self._deal, args=(news, last)).start()
             return
         if news.sketch is not None:
             self._sketched.append(len(self._snapshots))

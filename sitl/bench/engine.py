@@ -52,8 +52,9 @@ LIMIT_S = 6 * 3600.0
 single flight, takes one hour on a slow core."""
 CONNECTS_S = 30.0
 """Timeout for the connection to a scheduler, and for its first worker, s. Chosen."""
-TELLS_S = 1.0
-"""Time for the reason to reach the scheduler before the process ends, s. Chosen."""
+TELLS_S = 3.0
+"""Time for the reason to reach the scheduler before the process ends, s. Chosen: one second is too
+short on a busy machine."""
 SCHEDULER_LOST = "the scheduler has ended; start it again, and run the same command"
 LOCAL = {
     # workers keep no results, and a job ends its own process in time, with a reason

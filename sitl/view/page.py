@@ -354,7 +354,8 @@ class Page:
             picture = picture_of(plan)
             self._turns.put(lambda: show(picture))
 
-        threading.Thread(target=draw, daemon=True).start()
+        # no daemon: the end of the process would cut compiled code off, and abort
+        threading.Thread(target=draw).start()
 
     def _result(self) -> dict[str, str]:
         """Rows of the card."""

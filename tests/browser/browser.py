@@ -60,7 +60,7 @@ def served(command: list[str]) -> Iterator[str]:
         assert address is not None
         yield address[0]
         stop(process)
-        assert process.returncode == 0
+        assert process.returncode == 0, output
 
 
 @contextmanager

@@ -20,7 +20,7 @@ OPENING, TITLE, ARROW = "OPENING", "TITLE", "ARROW"
 """Names of the blocks."""
 DASHES = "DASHES"
 """Name of the line type of dashed lines."""
-TITLE_WIDTH_MM, TITLE_HEIGHT_MM = 150.0, 24.0
+TITLE_WIDTH_MM, TITLE_HEIGHT_MM = 140.0, 24.0
 """Size of the title block, mm. Chosen."""
 TITLE_LINES_MM = {"TITLE": (-7.0, 3.9), "FACTS": (-13.0, 2.0), "NOTES": (-18.0, 2.0)}
 """Base line below the upper edge, and height of capitals, of each text of the title block, mm.
