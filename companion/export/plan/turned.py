@@ -89,8 +89,8 @@ def extent_m(plan: FloorPlan, *, with_path: bool) -> tuple[float, float, float, 
     """West, south, east and north edge of the walls, and of the path; of a point without both."""
     corners = [end for wall in plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
     if with_path or not corners:
-        corners += [pose.ne_m for pose in plan.path] or [(0.0, 0.0)]
-    north_m, east_m = zip(*corners, strict=True)
+        corners += [pose.ne_m for pose in plan.path]
+    north_m, east_m = zip(*(corners or [(0.0, 0.0)]), strict=True)
     return min(east_m), min(north_m), max(east_m), max(north_m)
 
 
