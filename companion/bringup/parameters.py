@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.firmware import Firmware
+from companion.link.parameters import read_requests
 from companion.link.transports.transport import Message
 
 REQUEST_PERIOD_S = 1.0
@@ -34,8 +35,4 @@ class AskedParameters:
         if now_s - self._requested_s < REQUEST_PERIOD_S:
             return []
         self._requested_s = now_s
-        return [
-            mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)
-            for name in names
-            if name not in self._messages
-        ]
+        return read_requests(self._target, (name for name in names if name not in self._messages))

@@ -7,6 +7,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.transports.transport import Message
 
 
+def read_requests(target: tuple[int, int], names: Iterable[str]) -> list[Message]:
+    """PARAM_REQUEST_READ (20) for each parameter, to a system and component."""
+    return [
+        mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1) for name in names
+    ]
+
+
 class ReadParameters:
     """Parameter values by name; `values` contains only the parameters received so far."""
 
@@ -24,11 +31,7 @@ class ReadParameters:
 
     def requests(self, target: tuple[int, int]) -> list[Message]:
         """PARAM_REQUEST_READ (20) for each missing parameter."""
-        return [
-            mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
-            for name in self._names
-            if name not in self.values
-        ]
+        return read_requests(target, (name for name in self._names if name not in self.values))
 
     def forget(self) -> None:
         """Discard all values: after a reboot the autopilot may have different ones."""

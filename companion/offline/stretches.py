@@ -12,8 +12,9 @@ Each stretch has a map of its own, in the frame of the log's odometry. Nothing s
 lie to each other, but the odometry between them.
 """
 
-import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+
+import numpy as np
 
 from companion.offline.mapper import LogMap, map_part
 from companion.offline.reading.log import Log, Watch, ignore
@@ -28,28 +29,29 @@ def held_stretches(log: Log, sensors: SensorsConfig, watch: Watch) -> list[LogMa
 
     For a log whose map is doubtful. Neighbours are not joined.
     """
-    length_s = float(log.time_s[-1] - log.time_s[0])
-    found = []
-    for part, result in _searched(log, sensors):
-        if result is not None and result.verdict.trusted:
-            found.append(result)
-        watch("mapping stretches", float(part.time_s[-1] - log.time_s[0]) / max(length_s, 1e-9))
-    return found
+    begin_s, length_s = log.time_s[0], _length_s(log)
+
+    def searched_to(end_s: float) -> None:
+        watch("mapping stretches", (end_s - begin_s) / length_s)
+
+    return list(_held(log, sensors, searched_to))
 
 
-def _searched(log: Log, sensors: SensorsConfig) -> Iterator[tuple[Log, LogMap | None]]:
-    """The halves of a log; those that are doubtful are halved again. None: too short."""
+def _held(
+    log: Log, sensors: SensorsConfig, searched_to: Callable[[float], None]
+) -> Iterator[LogMap]:
+    """Maps of the halves that hold, and of parts of those that do not."""
     middle = len(log.time_s) // 2
     for half in (log.part(slice(middle)), log.part(slice(middle, None))):
         if _length_s(half) < MIN_STRETCH_S:
-            yield half, None
             continue
         result = map_part(half, sensors, ignore)
         if result.verdict.trusted:
-            yield half, result
+            yield result
         else:
-            yield from _searched(half, sensors)
+            yield from _held(half, sensors, searched_to)
+        searched_to(float(half.time_s[-1]))
 
 
 def _length_s(log: Log) -> float:
-    return float(log.time_s[-1] - log.time_s[0]) if len(log.time_s) > 1 else -math.inf
+    return float(np.ptp(log.time_s)) if len(log.time_s) else 0.0

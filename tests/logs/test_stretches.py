@@ -14,6 +14,11 @@ from companion.offline.stretches import held_stretches
 from tests.logs.test_verdict import ROUND, read_of
 
 
+def test_a_log_of_one_row_has_no_stretch() -> None:
+    log = read_of(record(ROUND, 1)).part(slice(1))
+    assert held_stretches(log, SensorsConfig(), ignore) == []
+
+
 def test_the_half_with_right_ranges_is_mapped_by_itself(tmp_path: Path) -> None:
     """In the second half the ranges are shuffled."""
     log = record(ROUND, 1)

@@ -25,7 +25,7 @@ ANSWER_S = 8.0
 """Longest wait for the autopilot's version, s: as long as a flight waits for its first message."""
 DAY_S = 86400.0
 """A day, s."""
-REHEARSED = {"link", "sensors", "recording", "fence"}
+REHEARSED = {"link", "sensors", "recording"}
 """Groups of the configuration that a rehearsal tries."""
 HOW = "companion fly --rehearse rehearses the flight, with the propellers off"
 """Remedy of all refusals."""
