@@ -1,9 +1,13 @@
 """Cuts CARMEN logs down to a cheap robot's: `python -m benchmarks.mapping.carmen LOG ... --out D`.
 
 Of the laser only the beams to the front, left and right are left, up to 5.5 m. The path of the log
-becomes the reference. For each log it writes two logs for `companion map`: NAME.csv with the
+becomes the reference. For each log it writes two logs for `companion map`: NAME.csv with the wheel
 odometry of the log, and NAME_noisy.csv with the path plus the noise of wheel odometry. `--seconds`
 limits their length. Then `python -m benchmarks.mapping.logs DIR` prints their table.
+
+The logs are corrected ones: after each scan the ODOM lines go on from the corrected pose of that
+scan. Only the motion between a scan and the last ODOM line before the next is the wheels' own; the
+odometry here is the sum of these motions.
 """
 
 import argparse
@@ -34,22 +38,38 @@ def read(path: Path, seconds: float) -> Log:
     """Read the FLASER and ODOM lines of a log, which may be compressed; the path is the truth."""
     content = path.read_bytes()
     text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
-    scans, odometry = [], [0.0, 0.0, 0.0]
+    scans: list[list[float]] = []
+    predicted = [0.0, 0.0, 0.0]
     for line in text.splitlines():
         kind, *fields = line.split() or [""]
         if kind == "ODOM":
-            odometry = [float(each) for each in fields[:3]]
+            predicted = [float(each) for each in fields[:3]]
         elif kind == "FLASER":
             beams = int(fields[0])
             ranges = [float(each) for each in fields[1 : 1 + beams]]
             pose = [float(each) for each in fields[1 + beams : 4 + beams]]
             time_s = float(fields[1 + beams + 6])
-            scans.append((time_s, *pose, *odometry, *_cut_down(ranges)))
+            scans.append([time_s, *pose, *predicted, *_cut_down(ranges)])
+            predicted = pose
     rows = np.array(scans)
+    odometry = _wheel_odometry(rows[:, 1:4] * TO_NED, rows[:, 4:7] * TO_NED)
     is_later = np.diff(rows[:, 0], prepend=-np.inf) > 0
-    rows = rows[is_later & (rows[:, 0] - rows[0, 0] <= seconds)]
-    ranges_m = dict(zip(BEARINGS_DEG, rows[:, 7:].T, strict=True))
-    return Log(rows[:, 0], rows[:, 4:7] * TO_NED, ranges_m, rows[:, 1:4] * TO_NED)
+    is_kept = is_later & (rows[:, 0] - rows[0, 0] <= seconds)
+    ranges_m = dict(zip(BEARINGS_DEG, rows[is_kept, 7:].T, strict=True))
+    return Log(rows[is_kept, 0], odometry[is_kept], ranges_m, rows[is_kept, 1:4] * TO_NED)
+
+
+def _wheel_odometry(corrected: Array, predicted: Array) -> Array:
+    """(n, 3): the motions from each corrected pose to the next predicted one, (n, 3) each, summed.
+
+    It begins at the first predicted pose.
+    """
+    turned = np.diff(np.column_stack([corrected[:-1, 2], predicted[1:, 2]]))[:, 0]
+    steps = (predicted[1:, :2] - corrected[:-1, :2]) @ [1, 1j] * np.exp(-1j * corrected[:-1, 2])
+    yaw = predicted[0, 2] + np.concatenate([[0.0], np.cumsum(turned)])
+    moved = np.concatenate([[predicted[0, :2] @ [1, 1j]], steps * np.exp(1j * yaw[:-1])])
+    place = np.cumsum(moved)
+    return np.column_stack([place.real, place.imag, yaw])
 
 
 def _cut_down(ranges_m: list[float]) -> list[float]:

@@ -104,6 +104,7 @@ def report(result: LogMap) -> Report:
         "verdict": result.verdict.word,
         "reason": result.verdict.reason,
         "better_than_odometry": result.verdict.better_than_odometry,
+        "expected_error_m": result.verdict.expected_error_m,
         "rows": _rows(log.reading, len(log.time_s)),
         "odometry_jumps": result.jumps,
         "duration_s": float(log.time_s[-1] - log.time_s[0]),

@@ -7,7 +7,7 @@ its last part (`WindowSchedule`).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.smoother import WHOLE, Smoother
 from companion.estimation.smoothing.state import (
     BIAS,
+    POSE_SIZE,
     YAW,
     Measured,
     Unknowns,
@@ -135,6 +136,17 @@ class IncrementalMap:
             self.smoother.step(x, self._m, wall_of, self._start)
         x.reach_m = reach_m(x, project(x, self._m).points, wall_of)
         return x
+
+    def sampled_paths(self, m: Measured, count: int) -> Iterator[Array]:
+        """Samples of the path, (k, 2) each, from its covariance.
+
+        `m`: the same measurements, maybe with other noise. The samples are always the same.
+        """
+        solution = self.smoother.system(self.x, m, self.wall_of, self._start).solve()
+        unknowns = self.x.poses.size + len(solution.shared)
+        unit = np.random.default_rng(0).normal(size=(unknowns, count))
+        for sample in solution.samples_of_last(unit).T:
+            yield (self.x.poses + sample.reshape(-1, POSE_SIZE))[:, :YAW]
 
     def noise_factor(self) -> float:
         """Ratio of the actual noise of ranges on walls to the assumed noise."""

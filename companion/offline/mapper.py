@@ -17,6 +17,7 @@ from companion.offline.conventions import likelier_axes
 from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gains, mean_gain, predicts_better
 from companion.offline.odometry_path import OdometryPath
+from companion.offline.path_error import expected_error_m
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.reading.log import Log, Watch, ignore
 from companion.offline.reading.sensors import SensorsConfig
@@ -90,7 +91,10 @@ def map_part(log: Log, sensors: SensorsConfig, watch: Watch, axes: str | None = 
     uncorrected = agreement(odometry_path, record, by_odometry)
     off_m = np.hypot(*(estimate.x.poses[:, :2] - odometry_path.x.poses[:, :2]).T)
     is_better = predicts_better(gained, by_odometry, record.measured)
-    verdict = judge(found, Correction(float(off_m.mean()), is_better), axes)
+    correction = Correction(
+        float(off_m.mean()), is_better, expected_error_m(estimate, record.measured)
+    )
+    verdict = judge(found, correction, axes)
     chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(

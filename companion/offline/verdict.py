@@ -1,7 +1,8 @@
 """Decides whether a log supports the map made of it.
 
 A map is trusted if it predicts ranges that it was not made from, and if it either does so better
-than the map of the odometry as it is, or hardly differs from it.
+than the map of the odometry as it is, or hardly differs from it. The odometry's errors must leave
+its path well enough known (`path_error.py`).
 """
 
 import math
@@ -41,6 +42,10 @@ metre. On those logs it was 0.01 to 0.11 m where the path was right to 0.4 m, wi
 CLOSE_M = 2 * MAX_WALL_SIGMA_M
 """A path that is closer to the odometry, m, needs no proof that it is better. Chosen: it is off by
 no more than a trusted map may be."""
+MAX_EXPECTED_ERROR_M = 1.0
+"""Largest expected error of the path, m. Chosen: it is an upper bound, and the actual error is 0.4
+of it. On public logs it was 0.1 to 0.8 m where the path was right to 0.3 m, with two exceptions
+(1.0 and 1.4 m), and 1.0 to 6 m where a robot had turned without walls near."""
 MIN_SUPPORTED = 0.3
 """Least share of keyframes near hits on walls. Chosen."""
 NEAR_KEYFRAMES = 25
@@ -79,6 +84,8 @@ class Correction:
     """Mean distance from it."""
     is_better: float
     """Probability that the map predicts ranges better than that of the odometry."""
+    expected_error_m: float
+    """Expected error of the path (`path_error.py`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +96,8 @@ class MapVerdict:
     reason: str
     better_than_odometry: float
     """Probability that the map is better than that of the odometry as it is."""
+    expected_error_m: float
+    """Expected error of the map's path."""
 
     @property
     def word(self) -> str:
@@ -143,6 +152,11 @@ def judge(found: Agreement, correction: Correction, axes: str | None = None) -> 
             f"{share}, but the walls are only known to {found.wall_sigma_m:.2f} m",
         ),
         (
+            correction.expected_error_m > MAX_EXPECTED_ERROR_M,
+            f"{share}, but between walls the odometry errs so much that the path is only known to "
+            f"{correction.expected_error_m:.1f} m",
+        ),
+        (
             found.supported < MIN_SUPPORTED,
             f"hits on walls in only {100 * found.supported:.0f} % of the time",
         ),
@@ -152,7 +166,9 @@ def judge(found: Agreement, correction: Correction, axes: str | None = None) -> 
         ),
     )
     reason = next((reason for applies, reason in objections if applies), None)
-    return MapVerdict(reason is None, reason or share, correction.is_better)
+    return MapVerdict(
+        reason is None, reason or share, correction.is_better, correction.expected_error_m
+    )
 
 
 def _median(sigma_m: list[float], wall: Indices) -> float:

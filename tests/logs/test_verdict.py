@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.mapping.logs import outcome, row
 from benchmarks.mapping.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
@@ -14,6 +16,7 @@ from companion.core.arrays import Array
 from companion.core.messages import Beam
 from companion.offline.held_out import predicts_better
 from companion.offline.mapper import LogMap, map_log
+from companion.offline.path_error import apart_m
 from companion.offline.reading.log import Log as ReadLog
 from companion.offline.reading.log import Reading
 from companion.offline.reading.sensors import SensorsConfig
@@ -193,10 +196,11 @@ def test_ranges_without_a_place_name_no_other_axes() -> None:
 @pytest.mark.parametrize(
     ("correction", "wall_sigma_m", "trusted"),
     [
-        (Correction(mean_m=2.0, is_better=0.99), 0.1, True),
-        (Correction(mean_m=2.0, is_better=0.8), 0.1, False),
-        (Correction(mean_m=0.1, is_better=0.5), 0.1, True),
-        (Correction(mean_m=2.0, is_better=0.99), 0.4, False),
+        (Correction(mean_m=2.0, is_better=0.99, expected_error_m=0.2), 0.1, True),
+        (Correction(mean_m=2.0, is_better=0.8, expected_error_m=0.2), 0.1, False),
+        (Correction(mean_m=0.1, is_better=0.5, expected_error_m=0.2), 0.1, True),
+        (Correction(mean_m=2.0, is_better=0.99, expected_error_m=0.2), 0.4, False),
+        (Correction(mean_m=2.0, is_better=0.99, expected_error_m=1.3), 0.1, False),
     ],
 )
 def test_a_map_far_from_the_odometry_needs_evidence_and_exact_walls(
@@ -207,6 +211,40 @@ def test_a_map_far_from_the_odometry_needs_evidence_and_exact_walls(
     verdict = judge(found, correction)
     assert verdict.trusted == trusted
     assert verdict.better_than_odometry == correction.is_better
+    is_told = "the path is only known to" in verdict.reason
+    assert is_told == (correction.expected_error_m > 1)
+
+
+HALL_BETWEEN = Scenario(
+    [((0, 0), (12, 0)), ((0, 2.2), (12, 2.2)), ((50, 22), (50, 34)), ((47.8, 22), (47.8, 34))],
+    Flight([(1, 1.1), (11, 1.1), (1, 1.1), (48.9, 1.1), (48.9, 33), (48.9, 23)], rate_hz=2),
+)
+"""Two corridors at a right angle, and 70 m without walls between them."""
+
+
+@pytest.mark.parametrize(("deg_per_m", "trusted"), [(0.02, True), (3.0, False)])
+def test_a_path_between_walls_is_known_as_well_as_its_odometry(
+    deg_per_m: float, *, trusted: bool
+) -> None:
+    """Both corridors fit their ranges; how they lie to each other, only the wheels say."""
+    log = with_wheel_odometry(record(HALL_BETWEEN, 1), deg_per_m, 1, deg_per_m=deg_per_m)
+    verdict = mapped(log).verdict
+    assert verdict.trusted == trusted, verdict.reason
+    assert (verdict.expected_error_m < 1.0) == trusted
+
+
+@given(
+    seed=st.integers(0, 1000),
+    turned_rad=st.floats(-math.pi, math.pi),
+    moved_m=st.floats(-100, 100),
+)
+def test_moved_and_turned_paths_are_not_apart(seed: int, turned_rad: float, moved_m: float) -> None:
+    path = np.random.default_rng(seed).normal(0, 3, (20, 2)).cumsum(axis=0)
+    cos, sin = math.cos(turned_rad), math.sin(turned_rad)
+    moved = path @ np.array([[cos, sin], [-sin, cos]]) + moved_m
+    assert apart_m(path, moved) == pytest.approx(0, abs=1e-6)
+    bent = np.where(np.arange(20)[:, None] < 10, path, path + np.array([0, 2]))
+    assert 0 < apart_m(path, bent) <= 1
 
 
 def test_equal_predictions_prove_nothing_and_better_ones_much() -> None:

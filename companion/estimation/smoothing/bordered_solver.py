@@ -313,3 +313,14 @@ class Solution:
         return np.block(
             [[v.T @ v - beside @ coupling.T, beside], [beside.T, self.shared_covariance]]
         )
+
+    def samples_of_last(self, unit: Array) -> Array:
+        """Samples of the last part of the chain from the posterior, about the solution.
+
+        `unit` (rows + shared, n): independent samples of unit variance. The result is (rows, n).
+        With y = S^-½ v and x = L⁻ᵀ (u - W y) the covariance is the inverse of the equations.
+        """
+        rows = len(self._last.w_vector)
+        shared = np.linalg.cholesky(self.shared_covariance) @ unit[rows:]
+        right = unit[:rows] - self._last.w_matrix @ shared[self._last.columns]
+        return _backward(self._last.factor, right)

@@ -72,6 +72,9 @@ def test_the_bordered_system_solves_least_squares(seed: int, begins: tuple[int, 
     assert solution.covariance_of_last(2) == pytest.approx(expected, abs=1e-6)
     if len(begins) > 1:
         return
+    factor = solution.samples_of_last(np.eye(chained + shared))
+    of_chain = np.linalg.inv(information)[:chained, :chained]
+    assert factor @ factor.T == pytest.approx(of_chain, abs=1e-6)
     marginal = system.marginal_of_last(2)
     assert marginal.information @ expected == pytest.approx(np.eye(len(last)), abs=1e-6)
     mean = -np.linalg.solve(marginal.information, marginal.gradient)
