@@ -1,12 +1,13 @@
 """Measures the width of a doorway from the ranges that ended near its jambs.
 
     wall ▒▒▒▒▒▒▒▒·▒·  ·            hits of the wall, with their noise
-                 │                 ranges of the wall seem to end beyond the jamb, too
+                 ▒·                hits of its end, as thick as the wall
                  └ jamb
 
 The last hit of a wall lies beyond its jamb by some sigmas. So the place of a jamb is the most
-likely end of a row of hits that are spread evenly along the wall and have the noise of their
-ranges and bearings. A few of them belong to something else.
+likely end of a row of hits that are spread evenly along the wall, and of which a share lies on its
+end: slanted beams through the doorway meet that. All have the noise of their ranges and bearings. A
+few of them belong to something else.
 """
 
 import math
@@ -25,19 +26,21 @@ from companion.export.rays import eyes_xy_m
 if TYPE_CHECKING:
     from companion.export.plan.survey import Opening
 
-BEARING_RAD, POSE_M = math.radians(3), 0.04
+BEARING_RAD, POSE_M = math.radians(1), 0.02
 """Sigma of a beam's bearing, rad, and of the drone's place along the wall, m: heading, the age of a
-reading in a turn, the width of the beam, and the trajectory. Measured: of the eight doorways of the
-paper's buildings and the office the widths err by 3.3 cm, and with 1° by 5.5 cm
+reading in a turn, and the trajectory. Chosen: 61 widths err by 2.4 cm on average
 (`benchmarks/mapping/doors.py`)."""
-OTHERS = 0.1
+OTHERS = 0.05
 """Share of the hits near a jamb that belong to something else. Chosen."""
-SYSTEMATIC_M = 0.06
-"""Error of a width besides the noise, m: hits are not spread evenly. Measured: with it 19 of 20
-widths lie within two sigmas (`benchmarks/mapping/doors.py`)."""
+ON_END = np.array((0.0, 0.0, 0.05, 0.1))[:, None]
+"""Shares of the hits on the end of the wall, equally likely. Chosen: for thin walls, or seen from
+straight ahead, and for walls of 10 and 20 cm, seen from all sides."""
+SYSTEMATIC_M = 0.03
+"""Error of a width besides the noise, m: hits are not spread evenly, and the map moves between two
+visits. Measured: with it 19 of 20 widths lie within two sigmas (`benchmarks/mapping/doors.py`)."""
 BESIDE_M = 0.12
 """Hits this far off the surfaces beside the doorway are of the wall, m. Chosen: two sigmas."""
-INTO_M, OUT_M = 0.5, 1.0
+INTO_M, OUT_M = 0.5, 0.5
 """Hits count from this far into the doorway to this far along the wall, m. Chosen."""
 WITHIN_M, STEP_M = 0.3, 0.005
 """The jamb is sought this far on either side of the wall's end, in these steps, m. Chosen."""
@@ -131,8 +134,11 @@ def _edge(ends_m: Array, sigma_m: Array, near_m: float) -> Vector2 | None:
         return None
     hits_m, sigmas_m = ends_m[is_near, None], sigma_m[is_near, None]
     edges_m = np.arange(near_m - WITHIN_M, near_m + WITHIN_M, STEP_M)
-    wall = ndtr((hits_m - edges_m) / sigmas_m) / (near_m + OUT_M - edges_m)
-    likely = np.log(OTHERS / (INTO_M + OUT_M) + (1 - OTHERS) * wall).sum(axis=0)
-    weights = np.exp(likely - likely.max())
+    beyond = (hits_m - edges_m) / sigmas_m
+    along = ndtr(beyond) / (near_m + OUT_M - edges_m)
+    on_end = np.exp(-0.5 * beyond**2) / (math.sqrt(2 * math.pi) * sigmas_m)
+    wall = (1 - ON_END[..., None]) * along + ON_END[..., None] * on_end
+    likely = np.log(OTHERS / (INTO_M + OUT_M) + (1 - OTHERS) * wall).sum(axis=1)
+    weights = np.exp(likely - likely.max()).sum(axis=0)
     mean_m = float(np.average(edges_m, weights=weights))
     return mean_m, math.sqrt(np.average((edges_m - mean_m) ** 2, weights=weights))
