@@ -20,6 +20,7 @@ try:
     from matplotlib.figure import Figure
     from matplotlib.patches import PathPatch, Polygon
     from matplotlib.path import Path as Outline
+    from matplotlib.text import Text
 finally:
     if _named:
         os.environ[VARIABLE] = _named
@@ -27,4 +28,13 @@ if _named:
     with suppress(ValueError):  # not installed here, and no figure needs it
         rcParams["backend"] = _named
 
-__all__ = ["Axes", "Figure", "LineCollection", "Outline", "PathPatch", "Polygon", "rc_context"]
+__all__ = [
+    "Axes",
+    "Figure",
+    "LineCollection",
+    "Outline",
+    "PathPatch",
+    "Polygon",
+    "Text",
+    "rc_context",
+]

@@ -4,11 +4,13 @@ The sheet has its true size, so that a ruler on the print measures lengths at th
 """
 
 import math
+import textwrap
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from companion.core.figures import Axes, Figure, Polygon, rc_context
+from companion.core.figures import Axes, Figure, Polygon, Text, rc_context
+from companion.core.frames import Vector2
 from companion.export.plan.drawing import Contents, Drawing, draw
 from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in, stamp
 from companion.export.plan.labels import Labels
@@ -21,6 +23,15 @@ EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
 FOOT_MM = 24.0
 """Height of the title block at the bottom, mm. Chosen."""
+WORDS_MM, ARROW_MM = 72.0, 20.0
+"""The words of the title block begin this far from its left end, and leave so much to the arrow at
+its right end, mm. Chosen."""
+BAR_STEP_MM = 15.0
+"""Longest of the four steps of the scale bar, mm. Chosen: the bar ends before the words."""
+LINE_GAP_MM = 1.6
+"""Space between the words of the title block, mm. Chosen."""
+SLACK_LETTERS = 6
+"""The first of two lines may be longer than half by this many letters. Chosen: a long word."""
 AROUND_MM = 18.0
 """Margin around the plan for dimensions, mm. Chosen: the overall ones are 13.5 mm off it."""
 SCALES = (20, 25, 50, 100, 200, 250, 500, 1000, 2000)
@@ -74,13 +85,13 @@ def write_svg(survey: Survey, path: Path, labels: Labels) -> None:
     """Write the sheet as SVG."""
     with rc_context(SVG_IDS):
         metadata = {"Date": None, "Title": labels.title}
-        _figure(survey, labels).savefig(path, format="svg", metadata=metadata)
+        sheet_figure(survey, labels).savefig(path, format="svg", metadata=metadata)
 
 
 def write_pdf(survey: Survey, path: Path, labels: Labels) -> None:
     """Write the sheet as PDF."""
     metadata = {"CreationDate": None, "Title": labels.title}
-    _figure(survey, labels).savefig(path, format="pdf", metadata=metadata)
+    sheet_figure(survey, labels).savefig(path, format="pdf", metadata=metadata)
 
 
 def choose_sheet(survey: Survey, contents: Contents) -> Sheet:
@@ -117,7 +128,8 @@ def drawn(survey: Survey, labels: Labels, sheet: Sheet) -> Drawing:
     return draw(*shown, sheet.m_per_mm, unseen_ne_m=unseen_ne_m)
 
 
-def _figure(survey: Survey, labels: Labels) -> Figure:
+def sheet_figure(survey: Survey, labels: Labels) -> Figure:
+    """The sheet with the plan and the title block."""
     pointing = arrow(survey.plan, labels)
     survey = turned_up(survey, labels)
     sheet = choose_sheet(survey, labels.contents)
@@ -156,21 +168,45 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, labels: Labels) -> None
     width_mm = sheet.width_mm - 2 * EDGE_MM
     axes.plot([0, width_mm], [FOOT_MM - 1, FOOT_MM - 1], color=FAINT, linewidth=0.4)
     _draw_scale_bar(axes, sheet)
-    left_mm = 72.0
-    axes.text(
-        left_mm, FOOT_MM - 7, labels.title, fontsize=11, color=INK, weight="bold", va="center"
-    )
-    axes.text(left_mm, FOOT_MM - 13, facts(survey), fontsize=8, color=INK, va="center")
     notes = f"{MEASURED}; black: measured from both sides; grey: from one"
     if labels.unfinished:
         notes = f"{INCOMPLETE}: {labels.unfinished}; dashed red: nothing was seen beyond"
-    axes.text(left_mm, FOOT_MM - 18, notes, fontsize=6.5, color=FAINT, va="center")
+    top_mm = FOOT_MM - 4.5
+    for words, style in (
+        (labels.title, {"fontsize": 11, "color": INK, "weight": "bold"}),
+        (facts(survey), {"fontsize": 8, "color": INK}),
+        (notes, {"fontsize": 6.5, "color": FAINT}),
+    ):
+        top_mm -= LINE_GAP_MM + _write(axes, (WORDS_MM, top_mm), words, style)
+
+
+def _write(axes: Axes, place_mm: Vector2, words: str, style: dict[str, Any]) -> float:
+    """Write words below a place, up to the arrow; returns their height, mm.
+
+    Longer words take two lines, and are smaller if that is not enough.
+    """
+    text = axes.text(*place_mm, words, va="top", **style)
+    room_mm = axes.get_xlim()[1] - ARROW_MM - place_mm[0]
+    if _size_mm(text)[0] > room_mm:
+        text.set_text("\n".join(textwrap.wrap(words, math.ceil(len(words) / 2) + SLACK_LETTERS)))
+    width_mm, _ = _size_mm(text)
+    text.set_fontsize(style["fontsize"] * min(1.0, room_mm / width_mm))
+    return _size_mm(text)[1]
+
+
+def _size_mm(text: Text) -> Vector2:
+    """Width and height of a text on the paper, mm."""
+    figure = text.get_figure()
+    assert figure is not None
+    box = text.get_window_extent()
+    return box.width / figure.dpi * MM_PER_INCH, box.height / figure.dpi * MM_PER_INCH
 
 
 def _draw_scale_bar(axes: Axes, sheet: Sheet) -> None:
-    step_m = 10 ** math.floor(math.log10(50 * sheet.scale / 1000))
-    step_m *= 2 if 4 * step_m * 1000 / sheet.scale < 25 else 1
-    step_mm = 1000 * step_m / sheet.scale
+    most_m = BAR_STEP_MM * sheet.m_per_mm
+    power_m = 10.0 ** math.floor(math.log10(most_m))
+    step_m = max(factor * power_m for factor in (1, 2, 5) if factor * power_m <= most_m)
+    step_mm = step_m / sheet.m_per_mm
     for number in range(4):
         corners = [
             (number * step_mm, FOOT_MM - 10),

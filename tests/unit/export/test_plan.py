@@ -10,7 +10,7 @@ import pytest
 import shapely
 import shapely.affinity
 from ezdxf.entities import Dimension as DxfDimension
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.core.errors import ConfigError
@@ -22,13 +22,14 @@ from companion.export.plan.dimensions import CHARACTER, Dimension
 from companion.export.plan.drawing import Contents, draw
 from companion.export.plan.labels import Labels
 from companion.export.plan.room_names import read_room_names
-from companion.export.plan.sheet import choose_sheet, write_svg
-from companion.export.plan.survey import survey
+from companion.export.plan.sheet import choose_sheet, sheet_figure, write_svg
+from companion.export.plan.survey import Survey, survey
 from companion.export.plan.turned import Up, main_direction_rad, turned, up_rad
 from tests.unit.export.plans import THICK_M, ring, seen, two_rooms, wall
 
 LABELS = Labels("a flight", heading_rad=math.radians(30))
 SCALE = 100
+WORD_LETTERS = "abcmW 0"
 
 
 @given(st.floats(-44, 44), st.floats(12, 78))
@@ -147,6 +148,29 @@ def test_an_unfinished_map_says_so_on_the_sheet_and_in_cad(tmp_path: Path) -> No
         space = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf").modelspace()
         texts = [text.dxf.text for text in space.query("TEXT")]
         assert any("40 % of the battery" in text for text in texts) == is_said
+
+
+TALL_AND_WIDE = [
+    survey(FloorPlan(tuple(ring((0.0, 0.0), (north_m, 0.0), (north_m, 5.0), (0.0, 5.0)))))
+    for north_m in (14.0, 3.0)
+]
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.sampled_from(TALL_AND_WIDE),
+    st.text(WORD_LETTERS, min_size=1, max_size=120),
+    st.text(WORD_LETTERS, max_size=120),
+)
+def test_the_words_of_the_title_block_fit_on_the_paper(
+    tall_or_wide: Survey, title: str, unfinished: str
+) -> None:
+    labels = Labels(title, unfinished=unfinished, up=Up.TAKE_OFF)
+    sheet = sheet_figure(tall_or_wide, labels)
+    words = [text.get_window_extent() for text in sheet.axes[-1].texts if text.get_text()]
+    paper = shapely.box(*sheet.bbox.extents)
+    assert all(paper.contains(shapely.box(*box.extents)) for box in words)
+    assert not any(one.overlaps(other) for one, other in combinations(words, 2))
 
 
 def test_the_path_and_the_points_can_be_left_out(tmp_path: Path) -> None:
