@@ -216,10 +216,10 @@ def test_a_map_far_from_the_odometry_needs_evidence_and_exact_walls(
 
 
 HALL_BETWEEN = Scenario(
-    [((0, 0), (12, 0)), ((0, 2.2), (12, 2.2)), ((50, 22), (50, 34)), ((47.8, 22), (47.8, 34))],
-    Flight([(1, 1.1), (11, 1.1), (1, 1.1), (48.9, 1.1), (48.9, 33), (48.9, 23)], rate_hz=2),
+    [((0, 0), (12, 0)), ((0, 2.2), (12, 2.2)), ((40, 20), (40, 32)), ((37.8, 20), (37.8, 32))],
+    Flight([(1, 1.1), (11, 1.1), (1, 1.1), (38.9, 1.1), (38.9, 31), (38.9, 21)], rate_hz=2),
 )
-"""Two corridors at a right angle, and 70 m without walls between them."""
+"""Two corridors at a right angle, and 45 m without walls between them."""
 
 
 @pytest.mark.parametrize(("deg_per_m", "trusted"), [(0.02, True), (3.0, False)])
