@@ -61,16 +61,19 @@ def outcome(name: str, seed: int, rate_hz: float | None = None) -> Outcome:
 
 
 def _score(truth: Log, plan: FloorPlan, path: Array) -> Score:
+    observable = samples(list(truth.walls))
+    walls = score_map(plan, truth.walls, observable, truth.true_states()[0])
+    return Score(walls, score_path(truth, path))
+
+
+def score_path(truth: Log, path: Array) -> TrajectoryScore:
+    """Score the path (n, 3) of a map."""
     states = truth.true_states()
     poses = [
         Pose(time_s, north, east, 0.0, yaw)
         for time_s, (north, east, yaw) in zip(truth.time_s.tolist(), path.tolist(), strict=True)
     ]
-    observable = samples(list(truth.walls))
-    return Score(
-        score_map(plan, truth.walls, observable, states[0]),
-        score_trajectory(poses, states, states[0]),
-    )
+    return score_trajectory(poses, states, states[0])
 
 
 def _row(name: str, outcomes: Sequence[Outcome]) -> str:

@@ -7,7 +7,7 @@ along the first heading.
 import csv
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +79,17 @@ class Log:
     truth: Array = field(default_factory=lambda: np.empty((0, 3)))
     walls: Sequence[Segment] = ()
     gyro_rad_s: Array | None = None
+
+    def until(self, end_s: float) -> "Log":
+        """The rows before a time, s."""
+        rows = slice(int(np.searchsorted(self.time_s, end_s)))
+        return replace(
+            self,
+            time_s=self.time_s[rows],
+            odometry=self.odometry[rows],
+            ranges_m={beam: ranges_m[rows] for beam, ranges_m in self.ranges_m.items()},
+            truth=self.truth[rows],
+        )
 
     def true_states(self) -> list[TrueState]:
         """The truth in the scorer's format."""
