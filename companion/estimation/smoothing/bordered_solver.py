@@ -318,9 +318,11 @@ class Solution:
         """Samples of the last part of the chain from the posterior, about the solution.
 
         `unit` (rows + shared, n): independent samples of unit variance. The result is (rows, n).
-        With y = S^-½ v and x = L⁻ᵀ (u - W y) the covariance is the inverse of the equations.
+        With y = S^-½ v and x = L⁻ᵀ (u - W y) the covariance is the inverse of the equations. The
+        root is that of the eigenvalues: rounding may leave the smallest ones below zero.
         """
         rows = len(self._last.w_vector)
-        shared = np.linalg.cholesky(self.shared_covariance) @ unit[rows:]
+        variances, directions = np.linalg.eigh(self.shared_covariance)
+        shared = directions * np.sqrt(np.maximum(variances, 0.0)) @ unit[rows:]
         right = unit[:rows] - self._last.w_matrix @ shared[self._last.columns]
         return _backward(self._last.factor, right)

@@ -190,7 +190,7 @@ def _write(axes: Axes, place_mm: Vector2, words: str, style: dict[str, Any]) -> 
     if _size_mm(text)[0] > room_mm:
         text.set_text("\n".join(textwrap.wrap(words, math.ceil(len(words) / 2) + SLACK_LETTERS)))
     width_mm, _ = _size_mm(text)
-    text.set_fontsize(style["fontsize"] * min(1.0, room_mm / width_mm))
+    text.set_fontsize(style["fontsize"] * room_mm / max(room_mm, width_mm))
     return _size_mm(text)[1]
 
 

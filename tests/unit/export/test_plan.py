@@ -159,7 +159,7 @@ TALL_AND_WIDE = [
 @settings(deadline=None, max_examples=30)
 @given(
     st.sampled_from(TALL_AND_WIDE),
-    st.text(WORD_LETTERS, min_size=1, max_size=120),
+    st.text(WORD_LETTERS, max_size=120),
     st.text(WORD_LETTERS, max_size=120),
 )
 def test_the_words_of_the_title_block_fit_on_the_paper(
