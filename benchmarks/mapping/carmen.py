@@ -22,6 +22,7 @@ from benchmarks.mapping.offline_logs import Log, write_csv
 from companion.core.arrays import Array
 from companion.core.messages import Beam
 from companion.offline.files import path_tum
+from companion.offline.record import relative
 
 MAX_M = 5.5
 """Range of the cheap sensors, m: that of a GP2Y0A710K0F."""
@@ -64,8 +65,8 @@ def _wheel_odometry(corrected: Array, predicted: Array) -> Array:
 
     It begins at the first predicted pose.
     """
-    turned = np.diff(np.column_stack([corrected[:-1, 2], predicted[1:, 2]]))[:, 0]
-    steps = (predicted[1:, :2] - corrected[:-1, :2]) @ [1, 1j] * np.exp(-1j * corrected[:-1, 2])
+    *moved_frd_m, turned = relative(corrected[:-1], predicted[1:]).T
+    steps = moved_frd_m[0] + 1j * moved_frd_m[1]
     yaw = predicted[0, 2] + np.concatenate([[0.0], np.cumsum(turned)])
     moved = np.concatenate([[predicted[0, :2] @ [1, 1j]], steps * np.exp(1j * yaw[:-1])])
     place = np.cumsum(moved)
