@@ -6,13 +6,13 @@ minutes it prints a tick's mean time and 99th percentile, the memory, and the po
 
 import argparse
 import math
-import resource
 import time
 from collections.abc import Iterator
 from random import Random
 
 import numpy as np
 
+from benchmarks.measured import peak_mb
 from companion.config.settings import SensorsConfig
 from companion.core.frames import frd_to_ned, wrap_rad
 from companion.core.messages import (
@@ -50,11 +50,6 @@ def range_m(north_m: float, east_m: float, bearing_rad: float) -> float:
     across = (HALF_M - math.copysign(north_m, cos * north_m)) / max(abs(cos), 1e-9)
     along = (HALF_M - math.copysign(east_m, sin * east_m)) / max(abs(sin), 1e-9)
     return min(across, along)
-
-
-def memory_mb() -> float:
-    """Largest memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def fly(minutes: float) -> None:
@@ -106,7 +101,7 @@ def fly(minutes: float) -> None:
             ms = 1e3 * np.array(spent_s)
             print(
                 f"| {time_s / 60:.0f} | {ms.mean():.2f} | {np.percentile(ms, 99):.1f} "
-                f"| {memory_mb():.0f} | {100 * off_m:.0f} |",
+                f"| {peak_mb():.0f} | {100 * off_m:.0f} |",
                 flush=True,
             )
             spent_s.clear()
@@ -114,9 +109,7 @@ def fly(minutes: float) -> None:
     smoothed = estimator.smoothed()
     assert smoothed is not None
     took_s = time.process_time() - began_s
-    print(
-        f"\nThe map at the end: {len(smoothed.walls)} walls, {took_s:.1f} s, {memory_mb():.0f} MB"
-    )
+    print(f"\nThe map at the end: {len(smoothed.walls)} walls, {took_s:.1f} s, {peak_mb():.0f} MB")
 
 
 if __name__ == "__main__":

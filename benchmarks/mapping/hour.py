@@ -4,7 +4,6 @@ Prints rows, verdict, ATE, CPU time and peak memory of `companion map`'s work, w
 writes. Prints the figures of docs/offline.md.
 """
 
-import resource
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.mapping.offline import score_path
 from benchmarks.mapping.offline_logs import SCENARIOS, record, write_csv
+from benchmarks.measured import peak_mb
 from companion.offline.mapper import map_log
 from companion.offline.reading.log import ignore
 from companion.offline.reading.readers import read_log
@@ -30,18 +30,14 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "hour.csv"
         write_csv(truth, path)
-        recorded_mb = _peak_mb()
+        recorded_mb = peak_mb()
         begin_s = time.process_time()
         log = read_log(path, ignore)
         result = map_log(log, SensorsConfig(), ignore)
         cpu_s = time.process_time() - begin_s
     ate_cm = score_path(truth, result.path).ate_cm
     print(f"{len(log.time_s)} rows, {result.verdict.word}, ATE {ate_cm:.1f} cm")
-    print(f"{cpu_s:.0f} s of CPU, peak {_peak_mb():.0f} MB ({recorded_mb:.0f} MB before)")
-
-
-def _peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{cpu_s:.0f} s of CPU, peak {peak_mb():.0f} MB ({recorded_mb:.0f} MB before)")
 
 
 if __name__ == "__main__":

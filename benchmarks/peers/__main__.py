@@ -22,6 +22,7 @@ from statistics import mean
 
 import numpy as np
 
+from benchmarks.measured import in_own_process
 from benchmarks.peers import kiss, mrpt, rawlog
 from benchmarks.peers.flight import LIDAR_BEAMS, LIDAR_MAX_M, PeerFlight, fly
 from benchmarks.peers.mrpt import Estimated, PeerError
@@ -66,7 +67,7 @@ def main() -> None:
     for world, mission in WORLDS.items():
         for seed in range(1, given.seeds + 1):
             began_s = time.monotonic()
-            flight = fly(world, seed, mission)
+            flight = in_own_process(fly, world, seed, mission)
             folder = given.out / f"{world}_{seed}"
             folder.mkdir(exist_ok=True)
             those = list(scored_methods(flight, folder))
@@ -87,7 +88,7 @@ def scored_methods(flight: PeerFlight, folder: Path) -> Iterator[Scored]:
     """All methods on one flight."""
     yield scored(flight, "odometry and gyro", "none", Estimated(_poses(flight.odometry), 0.0, 0.0))
     yield scored(flight, "ideal solver", "our beams", Estimated(_poses(flight.ideal), 0.0, 0.0))
-    own = Estimated(_poses(flight.plan), flight.cpu_s, math.nan)
+    own = Estimated(_poses(flight.plan), flight.cpu_s, flight.memory_mb)
     yield scored(flight, "this project", "our beams", own)
     odometry = _poses(flight.odometry)
     lidar, beams = folder / "lidar.rawlog", folder / "beams.rawlog"
@@ -103,7 +104,9 @@ def scored_methods(flight: PeerFlight, folder: Path) -> Iterator[Scored]:
             run = partial(mrpt.estimated, program, log, keyframes)
             yield from _tried(flight, program.title, sensors, run)
     if not kiss.missing():
-        yield from _tried(flight, "KISS-ICP", "LIDAR", partial(kiss.estimated, flight.lidar_m))
+        yield from _tried(
+            flight, "KISS-ICP", "LIDAR", partial(in_own_process, kiss.estimated, flight.lidar_m)
+        )
 
 
 def _tried(

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.measured import peak_mb
 from companion.config import settings as configuration
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan
@@ -49,6 +50,8 @@ class PeerFlight:
     """Our own map and path."""
     cpu_s: float
     """Processor time of the companion in flight, s, without the map after landing."""
+    memory_mb: float
+    """Peak memory of a process that only flies and maps, with the simulator in it, MB."""
     times_s: Array
     """(k,)."""
     lidar_m: Array
@@ -82,7 +85,7 @@ class PeerFlight:
 
 
 def fly(world: str, seed: int, mission: str) -> PeerFlight:
-    """Fly one mission with the reference noise."""
+    """Fly one mission with the reference noise; the memory is that of the process so far."""
     settings = configuration.load(None, {"mission.kind": mission})
     setup = Setup(load_world(world), world, seed, settings.sensors)
     apps: list[TimedApp] = []
@@ -93,7 +96,7 @@ def fly(world: str, seed: int, mission: str) -> PeerFlight:
 
     app, simulation = fly_in_lockstep(setup, settings, lambda _: None, make_app=make_app)
     assert app.estimator is not None
-    plan = app.final_floor_plan()
+    plan, memory_mb = app.final_floor_plan(), peak_mb()
     record = app.estimator.record
     times_s = record.frames[:, FrameColumn.TIME_S].copy()
     surfaces = tuple(wall_surfaces(setup.world, settings.mission.height_m))
@@ -109,6 +112,7 @@ def fly(world: str, seed: int, mission: str) -> PeerFlight:
         Recorded(record, app.estimator.models),
         plan,
         sum(apps[0].update_s),
+        memory_mb,
         times_s,
         clean_m + noise_m,
         clean_m,

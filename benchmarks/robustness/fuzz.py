@@ -9,7 +9,6 @@ does an input that takes longer than five seconds.
 
 import argparse
 import math
-import resource
 import signal
 import tempfile
 import time
@@ -18,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
+from benchmarks.measured import peak_mb
 from benchmarks.robustness import fuzz_texts
 from companion.app import App
 from companion.config import settings as configuration
@@ -267,10 +267,6 @@ def fuzz(target: str, count: int, seed: int, batch: int = 1000) -> None:
             TARGETS[target](min(batch, count - first), seed * 1_000_003 + number)
 
 
-def memory_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("target", choices=(*TARGETS, "all"))
@@ -280,11 +276,11 @@ def main() -> None:
     for target in TARGETS if options.target == "all" else (options.target,):
         began_s = time.monotonic()
         fuzz(target, options.inputs // 2, 2 * options.seed)
-        before_mb = memory_mb()
+        before_mb = peak_mb()
         fuzz(target, options.inputs - options.inputs // 2, 2 * options.seed + 1)
         print(
             f"{target:10} {options.inputs} inputs survived in {time.monotonic() - began_s:.0f} s, "
-            f"{memory_mb() - before_mb:.1f} MB more in the second half",
+            f"{peak_mb() - before_mb:.1f} MB more in the second half",
             flush=True,
         )
 

@@ -8,12 +8,12 @@ tick, and of all ticks for each second of flight. Use one core, with nothing bes
 """
 
 import argparse
-import resource
 import time
 from functools import partial
 
 import numpy as np
 
+from benchmarks.measured import peak_mb
 from companion.app import App
 from companion.config import settings
 from companion.config.settings import Config
@@ -88,7 +88,7 @@ def main() -> None:
         )
     flown_s = sum(float(np.sum(each.m.dt_s)) for each in flown)
     merged, took_s = joint(flown)
-    memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    memory_mb = peak_mb()
     print(f"joint map of {len(merged.flights)} flights, {flown_s:.0f} s in the air: {took_s:.1f} s")
     print(
         f"walls {len(merged.plan.walls)}, changes {len(merged.changes)}, memory {memory_mb:.0f} MB"
