@@ -185,9 +185,10 @@ def _was_passed_before(shown: Indices, since: Indices) -> Mask:
 
 
 def _runs(seen: Crossings, changed: Mask, since: Indices) -> Iterator[Indices]:
-    """Changed pieces that follow each other along a wall, changed since one flight."""
+    """Changed pieces that continue each other along a wall, changed since one flight."""
     pieces: Indices = np.flatnonzero(changed)
     follows = np.diff(pieces) == 1
     follows &= np.diff(seen.pieces.wall[pieces]) == 0
     follows &= np.diff(since[pieces]) == 0
+    follows &= seen.pieces.low_m[pieces[1:]] - seen.pieces.high_m[pieces[:-1]] <= APART_M
     yield from (run for run in np.split(pieces, np.flatnonzero(~follows) + 1) if len(run))

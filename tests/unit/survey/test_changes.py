@@ -3,11 +3,18 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from companion.config import settings
+from companion.core.arrays import Array
 from companion.core.frames import frd_to_ned
-from companion.survey.changes import Change, joined
+from companion.core.messages import BEARING_FRD_RAD, RangeUnit
+from companion.drivers.chips.sharp import PAPER
+from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.estimation.smoothing.range_noise import RangeUnits
+from companion.estimation.smoothing.state import CALIBRATION_SIZE, Measured, Unknowns
+from companion.survey.changes import Change, changes, joined
 from sitl.running.sorties import Sortie, Sorties
 from sitl.sensors.beam import RAY
 from sitl.simulation.simulation import Setup
@@ -61,6 +68,63 @@ def test_changes_that_continue_each_other_are_one() -> None:
     on_top = Change(True, 1, (0.05, 1.7), (0.05, 1.1))
     for other in (around_a_corner, of_another_flight, gone, beyond_a_gap, on_top):
         assert len(joined([Change(True, 1, *door), other])) == 2
+
+
+WALL_M, BEHIND_M = 2.0, 4.0
+"""North of a wall from west to east, and of what stands behind it."""
+
+
+def listed(flights: list[tuple[Array, Array]]) -> tuple[Change, ...]:
+    """Changes along a wall, by flights with beams to the north.
+
+    Each flight has beams (n,) that ended on the wall and others (m,) that passed, by their east, m.
+    """
+    east_m = np.concatenate([np.concatenate(beams) for beams in flights])
+    distance_m = np.concatenate(
+        [np.repeat([WALL_M, BEHIND_M], [len(beams) for beams in each]) for each in flights]
+    )
+    flight = np.repeat(np.arange(len(flights)), [sum(map(len, each)) for each in flights])
+    count, nothing = len(flights), np.zeros(len(flights) - 1)
+    zeros = np.zeros(len(east_m))
+    m = Measured(
+        dt_s=nothing + 1.0,
+        age_s=nothing,
+        moved_frd_m=np.zeros((count - 1, 2)),
+        turned_rad=nothing,
+        autopilot_yaw_rad=np.full(count, np.nan),
+        bias_moved_rad_s=nothing,
+        is_aided=nothing > 0,
+        frame=flight,
+        beam=zeros.astype(int),
+        offset_frd_m=np.column_stack([zeros, east_m]),
+        bearing_rad=zeros,
+        distance_m=distance_m,
+        mount_m=zeros,
+        averaged_frd_m=np.zeros((count - 1, 2)),
+        begins=tuple(range(count)),
+    )
+    reach_m = np.array([[east_m.min(), east_m.max()]])
+    calibration = np.zeros((count, CALIBRATION_SIZE))
+    x = Unknowns(np.zeros((count, 6)), np.array([[0.0, WALL_M]]), reach_m, calibration)
+    units = RangeUnits({beam: RangeUnit(PAPER, at, 0.0) for beam, at in BEARING_FRD_RAD.items()})
+    return changes(x, m, np.where(distance_m == WALL_M, 0, NO_WALL), units).listed
+
+
+def beams(*stretches_m: tuple[float, float]) -> Array:
+    """Easts of beams along stretches, m, one each centimetre."""
+    return np.concatenate([np.arange(low_m, high_m, 0.01) for low_m, high_m in stretches_m])
+
+
+@pytest.mark.parametrize(("passed_m", "is_listed"), [(0.2, False), (0.8, True)])
+def test_both_sides_of_a_doorway_are_not_one_change(passed_m: float, *, is_listed: bool) -> None:
+    """Beams of the second flight pass the jambs closely: a changed wall was listed across them."""
+    sides = (3.0 - passed_m, 3.0), (4.0, 4.0 + passed_m)
+    first = beams((0.0, 3.0), (4.0, 7.0)), beams((3.05, 3.95))
+    second = beams((0.0, 3.0 - passed_m), (4.0 + passed_m, 7.0)), beams(*sides)
+    found = listed([first, second])
+    assert len(found) == (2 if is_listed else 0)
+    for change in found:
+        assert change.length_m == pytest.approx(passed_m, abs=0.25)
 
 
 def in_world(change: Change) -> list[tuple[float, float]]:
