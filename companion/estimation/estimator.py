@@ -363,15 +363,13 @@ class Estimator:
         """(normal_rad, distance_m along the normal) of the nearest known wall along a bearing."""
         north_m, east_m = self.slam.position_ne_m
         nearest: tuple[float, float] | None = None
-        for wall in self.slam.walls:
-            incidence_rad = wrap_rad(bearing_rad - self.heading.normal_rad(wall.index))
-            if abs(incidence_rad) > MAX_OBLIQUE_RAD:
-                continue
+        for index in self.heading.facing(bearing_rad, MAX_OBLIQUE_RAD):
+            wall = self.slam.walls[index]
             normal_rad, offset_m = self.slam.line(wall)
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             distance_m = offset_m - north_m * cos_n - east_m * sin_n
             north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]
-            along_m = cos_n * east - sin_n * north + distance_m * math.tan(incidence_rad)
+            along_m = cos_n * east - sin_n * north + distance_m * math.tan(bearing_rad - normal_rad)
             met = distance_m > 0 and wall.reaches(along_m, MAX_EXTENSION_M)
             if met and (nearest is None or distance_m < nearest[1]):
                 nearest = normal_rad, distance_m

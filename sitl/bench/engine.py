@@ -73,7 +73,7 @@ ENDED_STATUS = 70
 
 
 class CampaignError(SitlError):
-    """The scheduler or its workers cannot run the jobs."""
+    """The scheduler has ended, or it or its workers cannot run the jobs."""
 
 
 def attempted(job: J, run_one: Callable[[J], F], lose_one: Callable[[J, str], F]) -> F:
@@ -112,7 +112,7 @@ def run_all(
 
     Raises:
         CampaignError: the scheduler cannot be reached, has no workers, or they have another version
-            of the program.
+            of the program, or the scheduler has ended.
     """
     if not jobs:
         return []
@@ -200,11 +200,16 @@ class _Batch(Generic[J]):
 
     def results(self) -> Iterator[tuple[int, Any, str]]:
         """The number of each job, as it ends, with its result, or with the reason of its loss."""
-        while self._running or self._waiting:
-            threads = self._client.nthreads()  # of each worker that is alive
-            yield from self._on_dead_workers(threads)
-            self._fill(threads)
-            yield from self._next_ended()
+        from distributed import CancelledError  # noqa: PLC0415 - slow to load
+
+        try:
+            while self._running or self._waiting:
+                threads = self._client.nthreads()  # of each worker that is alive
+                yield from self._on_dead_workers(threads)
+                self._fill(threads)
+                yield from self._next_ended()
+        except (OSError, CancelledError) as error:
+            raise CampaignError(SCHEDULER_LOST) from error
 
     def rest(self) -> Iterator[tuple[int, Any, str]]:
         """The jobs that run at present, as they end; no new ones."""
@@ -234,7 +239,7 @@ class _Batch(Generic[J]):
 
     def _next_ended(self) -> Iterator[tuple[int, Any, str]]:
         """Wait for a job to end, but at most `CHECK_S`."""
-        from distributed import CancelledError, wait  # noqa: PLC0415 - slow to load
+        from distributed import wait  # noqa: PLC0415 - slow to load
 
         if not self._running:  # no worker is alive
             time.sleep(CHECK_S)
@@ -243,8 +248,6 @@ class _Batch(Generic[J]):
             ended = wait(list(self._running), timeout=CHECK_S, return_when="FIRST_COMPLETED")
         except TimeoutError:
             return
-        except CancelledError as error:
-            raise CampaignError(SCHEDULER_LOST) from error
         for future in ended.done:
             yield from self._ended(future)
 
@@ -321,7 +324,8 @@ def _client(crew: Crew, jobs: int) -> Iterator["Client"]:
     import dask  # noqa: PLC0415 - slow to load
     from distributed import Client, LocalCluster  # noqa: PLC0415
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # results say what went wrong
+    for name in ("distributed", "distributed.client"):  # results and errors say what went wrong
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if crew.scheduler is None:
         number = min(crew.workers or cores(), jobs)
         with (

@@ -4,7 +4,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,6 @@ from sitl.bench import engine
 from sitl.bench.engine import THIS_MACHINE, CampaignError, Crew, run_all
 from tests.processes.jobs import Result, lose, lose_in, misbehave, work
 from tests.processes.started import free_tcp_port
-from tests.waiting import DEADLINE_S
 
 
 @contextmanager
@@ -23,22 +22,25 @@ def dask(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
         try:
             yield started
         finally:
-            started.terminate()
-            started.wait(DEADLINE_S)
+            started.kill()  # a worker whose scheduler has ended may ignore SIGTERM
+
+
+@dataclass
+class Cluster:
+    """A scheduler, its address, and two workers, each a process of its own."""
+
+    scheduler: subprocess.Popen[bytes]
+    address: str
 
 
 @pytest.fixture
-def cluster() -> Iterator[str]:
-    """The address of a scheduler with two workers, each a process of its own."""
+def cluster() -> Iterator[Cluster]:
     port = free_tcp_port()
     address = f"tcp://127.0.0.1:{port}"
-    worker = ("worker", address, "--nthreads=1", "--no-dashboard", "--host=127.0.0.1")
-    with (
-        dask("scheduler", "--host=127.0.0.1", f"--port={port}", "--dashboard-address=127.0.0.1:0"),
-        dask(*worker),
-        dask(*worker),
-    ):
-        yield address
+    worker = ("worker", address, "--nthreads=1", "--no-nanny", "--no-dashboard", "--host=127.0.0.1")
+    listening = ("--host=127.0.0.1", f"--port={port}", "--dashboard-address=127.0.0.1:0")
+    with dask("scheduler", *listening) as scheduler, dask(*worker), dask(*worker):
+        yield Cluster(scheduler, address)
 
 
 def test_jobs_that_die_hang_or_take_all_memory_say_so_and_the_others_run(tmp_path: Path) -> None:
@@ -56,15 +58,31 @@ def test_jobs_that_die_hang_or_take_all_memory_say_so_and_the_others_run(tmp_pat
 
 
 def test_workers_of_a_scheduler_give_the_same_results_unless_their_version_differs(
-    cluster: str, monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     came: list[Result] = []
-    results = run_all(range(20), came.append, work, lose, Crew(scheduler=cluster))
+    crew = Crew(scheduler=cluster.address)
+    results = run_all(range(20), came.append, work, lose, crew)
     assert sorted(came) == results
     assert results == run_all(range(20), lambda _: None, work, lose, Crew(workers=1))
     monkeypatch.setattr(engine, "program_version", lambda: "0.0.1+old")
     with pytest.raises(CampaignError, match=r"need the program 0\.0\.1\+old, but tcp://"):
-        run_all(range(2), lambda _: None, work, lose, Crew(scheduler=cluster))
+        run_all(range(2), lambda _: None, work, lose, crew)
+
+
+def test_a_scheduler_that_is_killed_is_told_with_the_remedy(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "CONNECTS_S", 3.0)
+    came: list[Result] = []
+
+    def kill_it(result: Result) -> None:
+        came.append(result)
+        cluster.scheduler.kill()
+
+    with pytest.raises(CampaignError, match="the scheduler has ended; start it again"):
+        run_all(range(2000), kill_it, work, lose, Crew(scheduler=cluster.address))
+    assert came
 
 
 def test_a_missing_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

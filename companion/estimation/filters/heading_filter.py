@@ -129,6 +129,15 @@ class HeadingFilter:
         """Direction of a wall's normal, from the drone to the wall, local NED."""
         return wrap_rad(self._values[_WALLS + wall])
 
+    def facing(self, bearing_rad: float, most_rad: float) -> list[int]:
+        """Walls that a beam at a bearing, local NED, meets at no larger incidence than `most_rad`.
+
+        A wall is met from its front alone, where its normal leads away from the drone.
+        """
+        incidence_cos = np.cos(bearing_rad - self._x[_WALLS:])
+        walls: list[int] = np.flatnonzero(incidence_cos >= math.cos(most_rad)).tolist()
+        return walls
+
     def normal_sigma_rad(self, wall: int) -> float:
         return self._sigma(_WALLS + wall)
 

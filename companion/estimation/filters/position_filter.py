@@ -30,8 +30,6 @@ _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
 """Indices of the first states in x."""
 WALLS = 5
 """Index of the first wall in x."""
-_MIN_COS = math.cos(MAX_INCIDENCE_RAD)
-"""Cosine of the maximum incidence of a range on a wall."""
 MAX_DIRECTION_SIGMA_M = 0.12
 """Only readings with at most this sigma determine wall directions, m. Chosen."""
 
@@ -172,8 +170,8 @@ class LineSlam:
         carry information. Then the range must not correct another wall.
         """
         best: tuple[float, _Match] | None = None
-        for wall in self.walls:
-            match = self._match(wall, centre_ne_m, bearing_rad, range_m, unit)
+        for index in self._heading.facing(bearing_rad, MAX_INCIDENCE_RAD):
+            match = self._match(self.walls[index], centre_ne_m, bearing_rad, range_m, unit)
             if match is None:
                 continue
             misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
@@ -193,7 +191,7 @@ class LineSlam:
         range_m: float,
         unit: RangeUnit,
     ) -> _Match | None:
-        """Innovation of the range for this wall; None if the beam cannot have met the wall.
+        """Innovation of the range for a wall that faces it; None if the beam cannot have met it.
 
         The noise is taken at the predicted distance, not at the measured one. Otherwise short
         readings would count for more than long ones.
@@ -201,8 +199,6 @@ class LineSlam:
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
         cos_incidence = math.cos(incidence_rad)
-        if cos_incidence < _MIN_COS:
-            return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
         north, east = centre_ne_m[0] - wall.anchor_ne_m[0], centre_ne_m[1] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
