@@ -41,21 +41,24 @@ def to_other_ne_m(observation: Observation) -> Vector2 | None:
     return None
 
 
-def other_wall_rad(heading_rad: float, observation: Observation) -> float | None:
-    """Bearing of the wall at which the other drone begins, rad, if this one faces another wall.
+def other_wall_rad(heading_rad: float | None, observation: Observation) -> float | None:
+    """Bearing of the wall at which the other drone begins, rad, unless this one faces it.
 
-    Both begin at one wall; else the walls between their starts would not be traced.
+    Both begin at one wall; else the walls between their starts would not be traced. `heading_rad`
+    is None for a drone that has no wall in range.
     """
     for other in observation.tracings:
         leads = other.comes_first or other.is_tracing
         if leads and other.wall_rad is not None:
+            if heading_rad is None:
+                return other.wall_rad
             is_same = abs(wrap_rad(other.wall_rad - heading_rad)) < SAME_WALL_RAD
             return None if is_same else other.wall_rad
     return None
 
 
 def facing_other_wall(
-    scan: RoomScan, heading_rad: float, observation: Observation
+    scan: RoomScan, heading_rad: float | None, observation: Observation
 ) -> RoomScan | None:
     """The scan that faces the wall of the other drone; None if `heading_rad` faces it already."""
     wall_rad = other_wall_rad(heading_rad, observation)

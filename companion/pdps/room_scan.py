@@ -9,6 +9,7 @@
     the wall   distance    ▼ │ │ │   past the scan's beginning
                         CORNER ▼ │
                               SWEEP
+    SEEK:   another drone of a team begins at a wall ─► FACE that wall
     CORNER: the right beam measures the next wall; turn 90° right
     SWEEP:  the path along the wall is not known to be free; sweep that side of it
     SCAN, still not known to be free after a sweep there ─► BLOCKED
@@ -128,10 +129,11 @@ def _turn(
     if scan.turned_rad < math.tau:
         return scan, Setpoint(yaw_rate_rad_s=math.radians(plan.turn_rate_deg_s))
     nearest = find_perpendicular(scan.turn, to_other_ne_m(observation))
+    bearing_rad = nearest.bearing_rad if nearest else None
+    if (other := facing_other_wall(scan, bearing_rad, observation)) is not None:
+        return other, Setpoint()
     if nearest is None:
         return RoomScan(ScanPhase.SEEK, side=scan.side, heading_rad=yaw_rad), Setpoint()
-    if (other := facing_other_wall(scan, nearest.bearing_rad, observation)) is not None:
-        return other, Setpoint()
     behind_m = free_distance(scan.turn, nearest.bearing_rad + math.pi, SEEN_BY_ONE_TURN_M)
     may_back_m = max(behind_m - MIN_ROOM_BEHIND_M, 0.0)
     faced = RoomScan(
@@ -158,6 +160,8 @@ def _rays(observation: Observation) -> tuple[TurnReading, ...]:
 def _seek(
     scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
+    if (other := facing_other_wall(scan, None, observation)) is not None:
+        return other, Setpoint()
     ahead_m = observation.clear_m(Beam.FRONT)
     if ahead_m < max(SEEK_UNTIL_M, observation.standoff_m):
         return RoomScan(side=scan.side), Setpoint()

@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.messages import Pose
+from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation, Tracing
+from companion.pdps import room_scan
 from companion.pdps.room_halves import divided, has_met, other_wall_rad
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
 
@@ -56,6 +59,19 @@ def test_both_begin_at_the_wall_of_the_first() -> None:
     assert other_wall_rad(0.5 * math.pi + 0.1, beside(at_right)) is None
     waiting = tracing((0.0, 2.0), wall_rad=0.5 * math.pi, comes_first=False, is_tracing=False)
     assert other_wall_rad(0.0, beside(waiting)) is None
+
+
+@pytest.mark.parametrize("phase", [ScanPhase.TURN, ScanPhase.SEEK])
+def test_a_drone_without_a_wall_in_range_goes_to_that_of_the_other(phase: ScanPhase) -> None:
+    """It flew straight on until any wall returned, and came to the round when it was over."""
+    at_right = tracing((0.0, 2.0), wall_rad=0.5 * math.pi)
+    turned = RoomScan(phase, turned_rad=math.tau)
+    grid, plan = Occupancy(), MissionConfig()
+    scan, setpoint = room_scan.step(turned, beside(at_right), grid, plan)
+    assert (scan.phase, scan.heading_rad) == (ScanPhase.FACE, 0.5 * math.pi)
+    assert (setpoint.forward_m_s, setpoint.right_m_s) == (0.0, 0.0)
+    not_yet = tracing((0.0, 2.0), wall_rad=None)
+    assert room_scan.step(turned, beside(not_yet), grid, plan)[0].phase is not ScanPhase.FACE
 
 
 def test_the_one_that_comes_second_leaves_when_they_meet() -> None:
