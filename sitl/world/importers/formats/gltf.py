@@ -4,7 +4,6 @@ https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
 import base64
-import json
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.arrays import Array, Indices
-from companion.core.textfile import decoded
+from companion.core.textfile import decoded, parsed_json
 from sitl.world.importers.formats import MeshError, Part, fan, strip
 
 MAGIC, VERSION = b"glTF", 2
@@ -61,7 +60,7 @@ def read_gltf(data: bytes, path: Path) -> Iterator[Part]:
         MeshError: the file is damaged, or needs an extension that is not supported.
     """
     text, binary = _chunks(data) if data.startswith(MAGIC) else (data, None)
-    document = json.loads(decoded(text))
+    document = parsed_json(decoded(text))
     if not isinstance(document, dict) or "asset" not in document:
         raise MeshError("does not begin like glTF: it is damaged, or of another format")
     version = str(dict(document["asset"]).get("version", VERSION))
