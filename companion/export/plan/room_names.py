@@ -4,7 +4,7 @@ import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
-from companion.config.settings import read_toml
+from companion.config.toml_file import read_toml
 from companion.core.errors import ConfigError
 
 CONTROL = "Cc"

@@ -11,7 +11,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from companion.config.range_sensors import Group
-from companion.config.settings import read_toml, validated
+from companion.config.toml_file import read_toml, validated
 from companion.core.messages import BEARING_FRD_RAD, Beam
 
 
