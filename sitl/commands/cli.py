@@ -373,7 +373,7 @@ def main() -> None:
     """Run a command. Errors are one line on stderr and exit status 2."""
     terminal.set_up()
     try:
-        with needs_extra("sitl"):
+        with needs_extra("sitl"), terminal.checked_output("sitl"):
             commands()
     except (SitlError, WorldError, CompanionError) as error:
         # a file's content may look like the console's markup
