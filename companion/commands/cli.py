@@ -64,7 +64,8 @@ def main() -> None:
     """Run a command; an error is one line on stderr and exit status 2."""
     terminal.set_up()
     try:
-        commands()
+        with terminal.checked_output("companion"):
+            commands()
     except CompanionError as error:
         # markup off: the error text may contain brackets
         console = Console(stderr=True, highlight=False, markup=False)

@@ -73,16 +73,26 @@ def export_command(
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     lat_deg: Annotated[
         float | None,
-        typer.Option(help="Latitude of take-off, °, for geojson and ifc; default: as configured."),
+        typer.Option(
+            min=-90,
+            max=90,
+            help="Latitude of take-off, °, for geojson and ifc; default: as configured.",
+        ),
     ] = None,
     lon_deg: Annotated[
         float | None,
-        typer.Option(help="Longitude of take-off, °, for geojson and ifc; default: as configured."),
+        typer.Option(
+            min=-180,
+            max=180,
+            help="Longitude of take-off, °, for geojson and ifc; default: as configured.",
+        ),
     ] = None,
     heading_deg: Annotated[
         float | None,
         typer.Option(
-            help="True heading at take-off, °, for geojson, ifc and --up north; default 0."
+            min=-360,
+            max=360,
+            help="True heading at take-off, °, for geojson, ifc and --up north; default 0.",
         ),
     ] = None,
     title: Annotated[

@@ -9,11 +9,10 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 import tomlkit
 from pydantic import (
-    BaseModel,
     Field,
     PlainValidator,
     ValidationError,
@@ -34,16 +33,16 @@ from companion.config.range_sensors import (
     usual_sensors,
 )
 from companion.config.team import TEAM_DRONES, TeamConfig
+from companion.config.toml_file import complaint, read_toml, text_of
 from companion.config.view import ViewConfig
 from companion.core.errors import ConfigError
 from companion.core.frames import Place
 from companion.core.messages import BEARING_FRD_RAD, Beam
-from companion.core.textfile import NotTextError, read_text, reason
-
-_G = TypeVar("_G", bound=Group)
 
 MissionKind = Literal["room", "building", "exterior", "layers"]
 MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
+COMMAND_LINE = "command line"
+"""Where settings come from that no file has, for messages."""
 STANDOFFS = ("range", "accurate")
 """Named stand-offs of `mission.standoff`."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
@@ -263,18 +262,30 @@ class Config(Group):
         return self
 
 
-def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:
+def load(
+    path: Path | None,
+    overrides: Mapping[str, object] | None = None,
+    sources: Mapping[str, str] | None = None,
+) -> Config:
     """The configuration in `path`, or the defaults, with `overrides` such as {"link.url": ...}.
+
+    `sources`: files from which overrides come that are not of the command line, by their keys.
 
     Raises:
         ConfigError: one line with the error and its location.
     """
-    source = str(path) if path else "command line"
+    overrides = overrides or {}
     values: dict[str, Any] = read_toml(path) if path else {}
-    for key, value in (overrides or {}).items():
+    for key, value in overrides.items():
         group, name = key.split(".", 1)
         values[group] = {**values.get(group, {}), name: value}
-    return validated(Config, values, source)
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        key = ".".join(str(part) for part in error.errors()[0]["loc"][:2])
+        source = path if path and key not in overrides else COMMAND_LINE
+        where = (sources or {}).get(key, source)
+        raise ConfigError(f"{where}: {complaint(Config, error)}") from error
 
 
 def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
@@ -311,7 +322,7 @@ def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
     Raises:
         ConfigError: the file cannot be read or written, or would not be valid.
     """
-    document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
+    document = tomlkit.parse(text_of(path)) if path.exists() else tomlkit.document()
     group: Any = document
     *groups, name = key.split(".")
     for part in groups:
@@ -322,7 +333,7 @@ def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
         Config.model_validate(tomllib.loads(text))
         path.write_text(text, encoding="utf-8")
     except ValidationError as error:
-        raise ConfigError(f"{path}: {_first_complaint(Config, error)}") from error
+        raise ConfigError(f"{path}: {complaint(Config, error)}") from error
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
 
@@ -334,67 +345,3 @@ def _item(value: Mapping[str, object] | float) -> Any:
     table = tomlkit.inline_table()
     table.update(value)
     return table
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Contents of a file, not yet checked."""
-    text = _text(path)
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also for numbers and lists of excessive size
-        raise ConfigError(f"{path}: not TOML: {error}") from error
-
-
-def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
-    """The settings, or a `ConfigError` of one line about the first invalid one."""
-    try:
-        return model.model_validate(values)
-    except ValidationError as error:
-        raise ConfigError(f"{source}: {_first_complaint(model, error)}") from error
-
-
-def _text(path: Path) -> str:
-    try:
-        return read_text(path)
-    except (OSError, NotTextError) as error:
-        raise ConfigError(f"{path}: {reason(error)}") from error
-
-
-def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "union_tag_invalid":
-        context = first["ctx"]
-        return f"{key}.kind = {context['tag']!r}: should be one of {context['expected_tags']}"
-    if first["type"] == "extra_forbidden":
-        known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
-        return f"{key} = {first['input']!r}: no such key; known here: {known}"
-    complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-    setting = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
-    return f"{setting}: {complaint}" if setting else complaint
-
-
-def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """Known keys at a path: of a group, or of an entry of a table."""
-    if not path:
-        return list(group.model_fields)
-    field, *rest = path
-    annotation = group.model_fields[str(field)].annotation
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return _keys_at(annotation, tuple(rest))
-    _, entry = get_args(annotation)  # a table by beam
-    _, *kind = rest
-    groups = [g for g in _groups(entry) if not kind or kind[0] in _kinds(g)]
-    return _keys_at(groups[0], ())
-
-
-def _groups(entry: Any) -> list[type[BaseModel]]:
-    """Groups of a union discriminated by `kind`, or of one group."""
-    if isinstance(entry, type):
-        return [entry]
-    union, *_ = get_args(entry)
-    return list(get_args(union))
-
-
-def _kinds(group: type[BaseModel]) -> tuple[object, ...]:
-    return get_args(group.model_fields["kind"].annotation)

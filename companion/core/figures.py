@@ -1,4 +1,4 @@
-"""Imports of matplotlib's figures, which are drawn without a display backend.
+"""Imports of matplotlib's figures, which are drawn without a display backend, in one style.
 
 matplotlib fails to import if MPLBACKEND names a backend that is not installed, as in a process
 started by a notebook. A program whose own backend is installed keeps it.
@@ -6,7 +6,9 @@ started by a notebook. A program whose own backend is installed keeps it.
 
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any
 
 VARIABLE = "MPLBACKEND"
 """Environment variable that names matplotlib's backend."""
@@ -14,7 +16,7 @@ VARIABLE = "MPLBACKEND"
 _is_first = "matplotlib" not in sys.modules
 _named = os.environ.pop(VARIABLE, "") if _is_first else ""
 try:
-    from matplotlib import rc_context, rcParams
+    from matplotlib import rcParams, style
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
@@ -36,5 +38,15 @@ __all__ = [
     "PathPatch",
     "Polygon",
     "Text",
-    "rc_context",
+    "own_style",
 ]
+
+
+@contextmanager
+def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw in matplotlib's default style with these settings; also a decorator.
+
+    A user's matplotlibrc would crop a sheet that is to scale, or set text in a TeX that is missing.
+    """
+    with style.context(["default", dict(settings or {})]):
+        yield

@@ -5,7 +5,9 @@ as PowerShell writes it.
 """
 
 import codecs
+import json
 from pathlib import Path
+from typing import Any
 
 MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -57,6 +59,25 @@ def decoded(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def reason(error: OSError | ValueError) -> str:
+def parsed_json(text: str) -> Any:
+    """The value of a JSON text. A key that occurs twice is refused, as in TOML.
+
+    Raises:
+        ValueError: the text is not JSON.
+        RecursionError: it is nested too deeply.
+    """
+    return json.loads(text, object_pairs_hook=_each_once)
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ValueError(f"the key {twice!r} occurs {keys.count(twice)} times; remove all but one")
+    return values
+
+
+def reason(error: Exception) -> str:
     """Reason why a file cannot be read, to follow its name in a message."""
     return getattr(error, "strerror", None) or str(error)

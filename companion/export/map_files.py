@@ -20,7 +20,7 @@ from companion.core.frames import Vector2, ned_to_enu
 from companion.core.messages import FloorPlan, Pose, Surface, WallSegment
 from companion.core.textfile import read_text
 from companion.export.map_png import draw
-from companion.export.map_record import VERSION, in_json, map_record
+from companion.export.map_record import check_version, in_json, map_record
 
 _T = TypeVar("_T")
 
@@ -113,11 +113,7 @@ def load_json(path: Path) -> FloorPlan:
     record = json.loads(read_text(path))
     if not isinstance(record, dict):
         raise RecordingError(f"{path}: is no map; give map.json")
-    if record.get("version", VERSION) > VERSION:
-        raise RecordingError(
-            f"{path}: version = {record['version']}: this program reads versions up to {VERSION}; "
-            "update pdps-companion"
-        )
+    check_version(record, path)
     return FloorPlan(
         walls=tuple(
             WallSegment(

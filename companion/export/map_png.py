@@ -22,7 +22,14 @@ def draw(plan: FloorPlan, path: Path, unfinished: str = "") -> None:
 
     `unfinished`: why the mission was not completed; then the plan says so, and shows where it ends.
     """
-    from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
+    from companion.core.figures import own_style  # noqa: PLC0415 - slow to load, and only needed at the end
+
+    with own_style():
+        _draw(plan, path, unfinished)
+
+
+def _draw(plan: FloorPlan, path: Path, unfinished: str) -> None:
+    from companion.core.figures import Figure  # noqa: PLC0415
     from companion.export.plan import drawing, figure, unseen  # noqa: PLC0415
 
     plan = turned(plan, main_direction_rad(plan.walls))

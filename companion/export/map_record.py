@@ -5,12 +5,14 @@ any time, so readers skip keys that they do not know. `VERSION` rises if a key g
 meaning.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.json import encode, format, schema_components
 
+from companion.core.errors import RecordingError
 from companion.core.frames import Vector2, Vector3
 from companion.core.json_schema import DIALECT, docstrings
 from companion.core.messages import FloorPlan, Pose, WallSegment
@@ -18,6 +20,8 @@ from companion.core.messages import FloorPlan, Pose, WallSegment
 if TYPE_CHECKING:  # it needs a library that the drone does without
     from companion.export.plan.survey import Survey
 
+FORMAT: Literal["pdps-map"] = "pdps-map"
+"""Tells a map from other JSON files."""
 VERSION: Literal[1] = 1
 """Version of the definition."""
 FRAME = "local NED: origin at take-off, x along the first heading, z down"
@@ -150,6 +154,20 @@ STRUCTS = (
 """All parts of the definition."""
 
 
+def check_version(record: Mapping[str, object], path: Path) -> None:
+    """Check that this program reads the version of a map; the first maps have none.
+
+    Raises:
+        RecordingError: a later program wrote it.
+    """
+    version = record.get("version", VERSION)
+    if not isinstance(version, int) or version > VERSION:
+        raise RecordingError(
+            f"{path}: version = {version!r}: this program reads versions up to {VERSION}; "
+            "update pdps-companion"
+        )
+
+
 def map_record(
     plan: FloorPlan,
     rooms: tuple[RoomRecord, ...] | UnsetType = UNSET,
@@ -159,7 +177,7 @@ def map_record(
 ) -> MapRecord:
     """The record of a map. `with_positions`: give each pose its position as a triple, too."""
     return MapRecord(
-        format="pdps-map",
+        format=FORMAT,
         version=VERSION,
         frame=FRAME,
         units=UNITS,

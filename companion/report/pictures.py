@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.core.figures import Axes, Figure, rc_context
+from companion.core.figures import Axes, Figure, own_style
 from companion.core.messages import Beam, FloorPlan
 from companion.export.plan.survey import Survey
 from companion.recording.reader import RecordedFault, Recording
@@ -55,7 +55,7 @@ STYLE: Any = {
 
 def plan_picture(survey: Survey, spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
     """Draw numbered walls, the path coloured by time, and the positions of faults."""
-    with rc_context(STYLE):
+    with own_style(STYLE):
         figure = Figure(figsize=(7.6, 7.0), layout="constrained")
         axes = figure.add_subplot(aspect="equal")
         axes.set_xlabel("east of take-off, m")
@@ -115,7 +115,7 @@ def _draw_faults(axes: Axes, plan: FloorPlan, faults: Sequence[RecordedFault]) -
 
 def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
     """Draw one row for each activity, and one for faults."""
-    with rc_context(STYLE):
+    with own_style(STYLE):
         rows = list(dict.fromkeys(span.activity for span in spans))
         figure = Figure(figsize=(10, 0.6 + 0.26 * (len(rows) + 1)), layout="constrained")
         axes = figure.add_subplot()
@@ -134,7 +134,7 @@ def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> 
 
 def plots_picture(recording: Recording, plan: FloorPlan) -> str:
     """Plot ranges, height, speed, heading, uncertainty and mapping progress over time."""
-    with rc_context(STYLE):
+    with own_style(STYLE):
         figure = Figure(figsize=(10, 11), layout="constrained")
         axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 1, 1, 1, 1))
         _plot_ranges(axes[0], recording)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from companion.core.figures import Axes, Figure, LineCollection, rc_context
+from companion.core.figures import Axes, Figure, LineCollection, own_style
 from companion.core.frames import Vector2
 from companion.export.colours import flight_colour
 from companion.export.plan.survey import Survey, survey
@@ -105,7 +105,7 @@ def _place(place_ne_m: Vector2) -> str:
 
 def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], left: Left) -> str:
     """Draw walls by the flight that detected them first, paths, changes and what is left."""
-    with rc_context(STYLE):
+    with own_style(STYLE):
         figure = Figure(figsize=(7.6, 7.0), layout="constrained")
         axes = figure.add_subplot(aspect="equal")
         axes.set_xlabel("east of the pad, m")

@@ -24,7 +24,7 @@ from pydantic.dataclasses import dataclass as checked
 from companion.config.team import PadConfig, TeamConfig
 from companion.core.arrays import Array
 from companion.core.errors import CompanionError, SurveyError
-from companion.core.textfile import read_text
+from companion.core.textfile import NotTextError, read_text, reason
 from companion.drivers.models import level_units, range_models
 from companion.earlier import SURVEY_PAD, EarlierFlights
 from companion.export.map_files import save, save_as
@@ -206,11 +206,13 @@ def _read_index(path: Path) -> Index:
         return Index()
     try:
         return TypeAdapter(Index).validate_json(read_text(path))
+    except (OSError, NotTextError) as error:
+        raise SurveyError(f"{path}: {reason(error)}") from error
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
+        where = ": ".join(filter(None, (str(path), ".".join(str(part) for part in first["loc"]))))
         raise SurveyError(
-            f"{path}: {key}: {first['msg']}; correct it, or delete the file for the defaults"
+            f"{where}: {first['msg']}; correct it, or delete the file for the defaults"
         ) from None
 
 

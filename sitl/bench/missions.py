@@ -70,7 +70,8 @@ class Job:
         """
         mission = load_mission(self.mission)
         setup, _ = self.options.setup()
-        settings = self.options.settings({**mission.settings, **self.settings})
+        files = {key: file for key, file in mission.sources.items() if key not in self.settings}
+        settings = self.options.settings({**mission.settings, **self.settings}, files)
         return self.physics.of(replace(setup, sensors=settings.sensors)), settings, mission
 
     @property

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
 
-from companion.core.figures import Axes, Figure, LineCollection
+from companion.core.figures import Axes, Figure, LineCollection, own_style
 from companion.core.frames import Vector2
 from sitl.bench.missions import Flown
 from sitl.scoring.report import Report
@@ -36,6 +36,7 @@ FIGURES = (
 """Keys of rows, and their text, if known."""
 
 
+@own_style()
 def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
     """Write a PNG: for every flight the true walls grey, the mapped ones red, the path blue."""
     columns = min(MAX_COLUMNS, math.ceil(math.sqrt(len(flights))))

@@ -105,10 +105,10 @@ def load_campaign(path: Path) -> Campaign:
         file = _File.model_validate(tomllib.loads(read_text(path)))
     except (OSError, NotTextError) as error:
         raise CampaignFileError(f"{path}: {reason(error)}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise CampaignFileError(f"{path}: {error}") from error
     except ValidationError as error:
         raise CampaignFileError(f"{path}: {error_line(error)}") from error
+    except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
+        raise CampaignFileError(f"{path}: not TOML: {error}") from error
     try:
         axes = {key: _values(key, value, file.draw) for key, value in file.vary.items()}
         settings = _drawn(axes, file.draw) if file.draw else _combined(axes)

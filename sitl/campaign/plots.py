@@ -5,10 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-
+from companion.core.figures import Axes, Figure, LineCollection, own_style
 from companion.export.map_files import save_as
 from sitl.campaign.scores import SCORES, Mean, Row, Score, values
 from sitl.campaign.summary import NOT_GROUPED, grouped
@@ -71,6 +68,7 @@ def _groups(rows: Sequence[Row], key: str) -> Groups:
     return [(least + (number + 0.5) * width, parts[number]) for number in sorted(parts)]
 
 
+@own_style()
 def _draw_scores(key: str, groups: Groups, path: Path) -> None:
     """Panels of scores: means with 95 % intervals."""
     figure = Figure((11, 6), dpi=DPI, layout="constrained")
@@ -107,6 +105,7 @@ def _panel(axes: Axes, groups: Groups, score: Score) -> None:
     axes.grid(color=FAINT, linewidth=0.5)
 
 
+@own_style()
 def _draw_hits(world: str, rows: Sequence[Row], path: Path) -> None:
     """The plan with a cross for each collision."""
     figure = Figure((7, 7), dpi=DPI, layout="constrained")

@@ -319,9 +319,9 @@ def fly(
     if foxglove and (sorties > 1 or team > 1):
         raise SitlError("--foxglove shows one drone on one flight, not --team or --sorties")
     streamed = {"view.foxglove": foxglove} if foxglove else {}
-    settings = options.settings(
-        {**flown.settings, **mission_settings(mission_set or ()), **streamed}
-    )
+    chosen = {**mission_settings(mission_set or ()), **streamed}
+    files = {key: file for key, file in flown.sources.items() if key not in chosen}
+    settings = options.settings({**flown.settings, **chosen}, files)
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
     missed = ""
@@ -373,7 +373,7 @@ def main() -> None:
     """Run a command. Errors are one line on stderr and exit status 2."""
     terminal.set_up()
     try:
-        with needs_extra("sitl"):
+        with needs_extra("sitl"), terminal.checked_output("sitl"):
             commands()
     except (SitlError, WorldError, CompanionError) as error:
         # a file's content may look like the console's markup

@@ -11,8 +11,11 @@ class SitlError(Exception):
 
 
 def error_line(error: ValidationError) -> str:
-    """The first validation error as one line, `key = value: what the value should be`."""
-    first: Any = error.errors()[0]
+    """One validation error as one line, `key = value: what the value should be`.
+
+    An unknown key comes first: a misspelt key is also reported as missing.
+    """
+    first: Any = min(error.errors(), key=lambda each: each["type"] != "extra_forbidden")
     key = ".".join(str(part) for part in first["loc"])
     value = "" if isinstance(first["input"], dict) else f" = {_shown(first['input'])}"
     message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")

@@ -93,8 +93,10 @@ class FlightOptions:
     clutter_seed: int | None = None
     """None: the flight's seed."""
 
-    def settings(self, mission: Mapping[str, object]) -> Config:
-        """The companion's settings: its file, overridden by the mission.
+    def settings(
+        self, mission: Mapping[str, object], sources: Mapping[str, str] | None = None
+    ) -> Config:
+        """The companion's settings: its file, overridden by the mission; `sources` as in `load`.
 
         The battery's flight time, if given, is also the mission's default time limit.
 
@@ -103,7 +105,7 @@ class FlightOptions:
         """
         limit = {} if self.battery_s is None else {"mission.time_limit_s": self.battery_s}
         given = {**limit, "sensors.profile": self.profile, **mission}
-        return configuration.load(self.config, given)
+        return configuration.load(self.config, given, sources)
 
     def setup(self) -> tuple[Setup, ParameterWatch]:
         """The setup, and the function that saves changed parameters.

@@ -10,8 +10,9 @@ from itertools import product
 
 import numpy as np
 
-from companion.config.settings import Config, validated
+from companion.config.settings import Config
 from companion.config.team import PadConfig, TeamConfig
+from companion.config.toml_file import validated
 from companion.core.frames import Vector2, moved
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream

@@ -16,7 +16,7 @@ A Python file defines the same as `mission`, a dict, and `events`, a list of `si
 
 import runpy
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,12 @@ class MissionFile:
 
     settings: Mapping[str, object]
     events: tuple[Event, ...] = ()
+    file: str | None = None
+
+    @property
+    def sources(self) -> dict[str, str]:
+        """The file from which each setting comes."""
+        return dict.fromkeys(self.settings, self.file) if self.file else {}
 
 
 class _Event(BaseModel):
@@ -97,10 +103,10 @@ def load_mission(mission: str) -> MissionFile:
         MissionError: the file cannot be read or is invalid.
     """
     path = Path(mission)
-    if path.suffix not in SUFFIXES:
+    if path.suffix.lower() not in SUFFIXES:
         return MissionFile({"mission.kind": mission})
     try:
-        return _python(path) if path.suffix == ".py" else _toml(path)
+        return _python(path) if path.suffix.lower() == ".py" else _toml(path)
     except OSError as error:
         raise MissionError(f"{mission}: {error.strerror}") from error
     except ValidationError as error:
@@ -119,7 +125,7 @@ def _toml(path: Path) -> MissionFile:
         raise MissionError(f"{path}: {error.title}: {error_line(error)}") from error
     except ValueError as error:
         raise MissionError(f"{path}: {error}") from error
-    return MissionFile(_overrides(file.mission), events)
+    return MissionFile(_overrides(file.mission), events, str(path))
 
 
 def _python(path: Path) -> MissionFile:
@@ -127,14 +133,14 @@ def _python(path: Path) -> MissionFile:
         names: dict[str, Any] = runpy.run_path(str(path))
     except OSError:
         raise
-    except Exception as error:  # the user's code may raise anything
+    except (Exception, SystemExit) as error:  # the user's code may raise anything
         raise MissionError(f"{path}: {type(error).__name__}: {error}") from error
     mission, events = names.get("mission"), names.get("events", ())
     if not isinstance(mission, Mapping):
         raise MissionError(f"{path}: mission: a dict of settings is needed")
-    if not all(isinstance(event, Event) for event in events):
+    if not isinstance(events, Sequence) or not all(isinstance(each, Event) for each in events):
         raise MissionError(f"{path}: events: only at(...) and when(...) of sitl.testing")
-    return MissionFile(_overrides(mission), tuple(events))
+    return MissionFile(_overrides(mission), tuple(events), str(path))
 
 
 def _overrides(mission: Mapping[str, object]) -> dict[str, object]:

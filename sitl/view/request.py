@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from companion.config import range_sensors
 from companion.config.range_sensors import USUAL_BEAMS
-from companion.config.settings import Config, validated
+from companion.config.settings import Config
+from companion.config.toml_file import validated
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
 from sitl.simulation.simulation import Setup
 from sitl.simulation.team_pads import team_setups

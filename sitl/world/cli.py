@@ -1,5 +1,6 @@
 """The commands `sitl world`: list, show, check and export worlds."""
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +17,8 @@ from sitl.world.geometry.mesh import visible_mesh
 from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.writing import write_world
 
+MAX_LETTERS = 50
+"""Longest name of a default file, letters of up to 4 bytes; file systems allow 255 bytes."""
 WORLD_HELP = "A built-in world, random_SEED, or a world file."
 Clutter = Annotated[
     float,
@@ -60,7 +63,7 @@ def show(
     from sitl.world.drawing import draw_plan  # noqa: PLC0415 - slow to load, and seldom needed
 
     loaded = _loaded(world, clutter, clutter_seed, clean=clean)
-    path = out or Path(f"{loaded.name}.png")
+    path = out or _named(loaded, ".png")
     save_as(draw_plan, loaded, path)
     typer.echo(str(path))
 
@@ -98,9 +101,15 @@ def export(
     loaded = _loaded(world, clutter, clutter_seed, clean=clean)
     if loaded.closed_border:
         typer.echo("the closed border is written as walls, which the scores will count")
-    path = out or Path(f"{loaded.name}.toml")
+    path = out or _named(loaded, ".toml")
     save_as(write_world, loaded, path)
     typer.echo(str(path))
+
+
+def _named(world: World, suffix: str) -> Path:
+    """A file in this folder, named after the world; its name may have letters that files lack."""
+    name = re.sub(r"[^\w .+-]", "_", world.name)[:MAX_LETTERS].strip(" .")
+    return Path(f"{name or 'world'}{suffix}")
 
 
 def _loaded(name: str, clutter: float, clutter_seed: int, *, clean: bool) -> World:

@@ -26,7 +26,14 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
 
     The unknown is shaded. Its closed border is dashed.
     """
-    from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
+    from companion.core.figures import own_style  # noqa: PLC0415 - slow to load, and seldom needed
+
+    with own_style():
+        _draw(world, path, height_m)
+
+
+def _draw(world: World, path: Path, height_m: float) -> None:
+    from companion.core.figures import Figure  # noqa: PLC0415
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot(aspect="equal", facecolor=PAPER)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
-from companion.core.textfile import NotTextError, read_text
+from companion.core.textfile import NotTextError, read_text, reason
 from sitl.world.format import World, WorldError, parse_world
 from sitl.world.generator import named
 
@@ -68,7 +68,7 @@ def load_world(name_or_path: str, report: Callable[[str], None] = discard_report
         try:
             return parse_world(read_text(path), name_or_path)
         except (OSError, NotTextError) as error:
-            raise WorldError(f"{name_or_path}: {error}") from error
+            raise WorldError(f"{name_or_path}: {reason(error)}") from error
     if suffix in IMPORTERS:
         return IMPORTERS[suffix](path, report)
     known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from companion.core.figures import Axes, Figure, Polygon, Text, rc_context
+from companion.core.figures import Axes, Figure, Polygon, Text, own_style
 from companion.core.frames import Vector2
 from companion.export.plan.drawing import Contents, Drawing, draw
 from companion.export.plan.figure import FAINT, INK, MM_PER_INCH, draw_in, stamp
@@ -83,15 +83,16 @@ class Sheet:
 
 def write_svg(survey: Survey, path: Path, labels: Labels) -> None:
     """Write the sheet as SVG."""
-    with rc_context(SVG_IDS):
+    with own_style(SVG_IDS):
         metadata = {"Date": None, "Title": labels.title}
         sheet_figure(survey, labels).savefig(path, format="svg", metadata=metadata)
 
 
 def write_pdf(survey: Survey, path: Path, labels: Labels) -> None:
     """Write the sheet as PDF."""
-    metadata = {"CreationDate": None, "Title": labels.title}
-    sheet_figure(survey, labels).savefig(path, format="pdf", metadata=metadata)
+    with own_style():
+        metadata = {"CreationDate": None, "Title": labels.title}
+        sheet_figure(survey, labels).savefig(path, format="pdf", metadata=metadata)
 
 
 def choose_sheet(survey: Survey, contents: Contents) -> Sheet:

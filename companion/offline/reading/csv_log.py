@@ -67,6 +67,8 @@ class _Header:
     """Positions of the columns."""
 
     width: int
+    named: int
+    """Cells up to the last column with a name; spreadsheets append empty ones to the header."""
     motion: tuple[int, ...]
     beams: dict[str, int]
     gyro: int | None
@@ -94,7 +96,7 @@ def _read(file: TextIO, report: Callable[[], None]) -> Log:
         for name, column in header.beams.items():
             ranges[name].add(row[column], where)
         if header.gyro is not None:
-            gyro.append(numbers.read(row[header.gyro]))
+            gyro.append(_rate_rad_s(row[header.gyro], numbers, reading, where))
     table = np.array(motion).reshape(-1, len(MOTION))
     by_beam = {BEAM_COLUMNS[name]: values.checked() for name, values in ranges.items()}
     rates: Array | None = np.array(gyro) if header.gyro is not None else None
@@ -118,6 +120,7 @@ def _header(names: list[str], line: int) -> _Header:
         raise LogError(f"line {line}: column {twice[0]} occurs {names.count(twice[0])} times")
     return _Header(
         len(names),
+        max(i for i, name in enumerate(names, start=1) if name),
         tuple(names.index(name) for name in MOTION),
         {name: names.index(name) for name in BEAM_COLUMNS if name in names},
         names.index(GYRO) if GYRO in names else None,
@@ -128,7 +131,7 @@ def _header(names: list[str], line: int) -> _Header:
 def _motion(
     row: list[str], header: _Header, numbers: Numbers, reading: Reading, where: str
 ) -> tuple[float, ...] | None:
-    if len(row) != header.width:
+    if not header.named <= len(row) <= header.width:
         reading.skip_row("wrong number of cells", f"{where}: {len(row)} cells")
         return None
     values = tuple(numbers.read(row[column]) for column in header.motion)
@@ -140,6 +143,20 @@ def _motion(
             reading.skip_row(reason, f"{where}: {row[column][:MAX_SHOWN]!r}")
             return None
     return values
+
+
+def _rate_rad_s(cell: str, numbers: Numbers, reading: Reading, where: str) -> float:
+    """The yaw rate of a cell. An empty cell, NaN and infinity mean that it is missing."""
+    value = numbers.read(cell)
+    if _is_no_number(cell, value):
+        reading.skip_cell(f"{GYRO} not a number", f"{where}: {cell[:MAX_SHOWN]!r}")
+    return value
+
+
+def _is_no_number(cell: str, value: float) -> bool:
+    """True if a cell is neither a number nor marked as missing."""
+    text = cell.strip().lower()
+    return math.isnan(value) and text != "" and text.lstrip("+-") != "nan"
 
 
 class _Ranges:
@@ -174,12 +191,10 @@ class _Ranges:
 
     def _range_m(self, cell: str, where: str) -> float:
         """The range of a cell. An empty cell, NaN and infinity mean no return and give NaN."""
-        if not cell or cell.isspace():
-            return math.nan
         value = self._numbers.read(cell)
         if 0 < value <= MAX_RANGE_M:
             return value
-        if math.isnan(value) and cell.strip().lower().lstrip("+-") != "nan":
+        if _is_no_number(cell, value):
             self._reading.skip_cell(f"{self._name} not a number", f"{where}: {cell[:MAX_SHOWN]!r}")
         elif math.isfinite(value):
             reason = f"{self._name} not between 0 and {MAX_RANGE_M:g}"

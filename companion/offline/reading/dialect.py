@@ -9,7 +9,7 @@ import gzip
 import io
 import math
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,10 +23,12 @@ QUOTES = ('"', "'")
 """Possible quotes."""
 GZIP_MAGIC = b"\x1f\x8b"
 """First bytes of a gzip file."""
-SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.IGNORECASE)
-"""A first line in which spreadsheets declare the delimiter."""
+SEPARATOR_LINE = re.compile(r'"?sep=.?"?[,;\t|]*', re.IGNORECASE)
+"""A line in which spreadsheets declare the delimiter, in quotes or filled with empty cells."""
 COMMENT = "#"
 """Prefix of a comment line."""
+SPACE = " \t\r\n\f\v\xa0\ufeff"
+"""Letters around a name that are not part of it; joined files have byte order marks inside."""
 MAX_LINES_PER_CELL = 20
 """Most lines of one quoted cell. Chosen."""
 
@@ -82,22 +84,36 @@ def _is_open(line: str, quote: str) -> bool:
 
 def sniffed(header: str, wanted: Collection[str]) -> tuple[TableDialect, list[str]]:
     """The dialect in which a header has the most wanted names, and all its names."""
-    line = header.removeprefix(COMMENT)
+    line = header.lstrip(SPACE).removeprefix(COMMENT)
     found = [
-        (dialect, [name.strip() for name in dialect.cells(line)])
+        (dialect, [name.strip(SPACE) for name in dialect.cells(line)])
         for dialect in (TableDialect(d, q) for q in QUOTES for d in DELIMITERS)
     ]
-    return max(found, key=lambda each: sum(name in wanted for name in each[1]))
+    return max(found, key=lambda each: _known(each[1], wanted))
 
 
 def read_header(file: TextIO, wanted: Collection[str]) -> tuple[int, TableDialect, list[str]]:
-    """Number of lines read, the dialect, and the columns' names."""
-    lines, line = 1, file.readline()
-    declared = SEPARATOR_LINE.fullmatch(line)
-    while declared or (line.startswith(COMMENT) and not any(name in line for name in wanted)):
-        declared = None
-        lines, line = lines + 1, file.readline()
-    return lines, *sniffed(line, wanted)
+    """Number of lines read, the dialect, and the columns' names.
+
+    Empty lines, comments and a spreadsheet's line about its delimiter may come first. A comment may
+    be the header itself, or mention columns. Of the comments and the first other line, the one with
+    the most wanted names is the header.
+    """
+    lines, is_comment = 0, True
+    header, end, most = (1, *sniffed("", wanted)), 0, -1
+    while is_comment and (line := file.readline()):
+        lines += 1
+        text = line.strip(SPACE)
+        is_comment = not text or text.startswith(COMMENT) or bool(SEPARATOR_LINE.fullmatch(text))
+        dialect, names = sniffed(line, wanted)
+        if text and _known(names, wanted) >= most:
+            header, end, most = (lines, dialect, names), file.tell(), _known(names, wanted)
+    file.seek(end)
+    return header
+
+
+def _known(names: Sequence[str], wanted: Collection[str]) -> int:
+    return sum(name in wanted for name in names)
 
 
 class Numbers:

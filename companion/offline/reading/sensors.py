@@ -11,7 +11,7 @@ from pathlib import Path
 from pydantic import Field, model_validator
 
 from companion.config.range_sensors import Group
-from companion.config.settings import read_toml, validated
+from companion.config.toml_file import read_toml, validated
 from companion.core.messages import BEARING_FRD_RAD, Beam
 
 
@@ -89,8 +89,8 @@ def load(config: Path | None, log: Path) -> SensorsConfig:
     Raises:
         ConfigError: one line with the error and its location.
     """
-    plain = log.with_suffix("") if log.suffix.lower() == ".gz" else log
-    path = config or plain.with_suffix(".toml")
+    stem = Path(log.stem).stem if log.suffix.lower() == ".gz" else log.stem
+    path = config or log.parent / f"{stem}.toml"  # of a folder too, whose name may be empty
     if config is None and not path.is_file():
         return SensorsConfig()
     return validated(LogConfig, read_toml(path), str(path)).sensors

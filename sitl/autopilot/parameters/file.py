@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.core.textfile import NotTextError, read_text
+from companion.core.textfile import NotTextError, read_text, reason
 from sitl.autopilot.parameters.table import ParameterError, Table, named
 
 LINE = re.compile(r"(\s*(?:\d+\s+\d+\s+)?(\w+)(?:\s*,\s*|\s+))([^\s,#]+)((?:\s+\d+)?\s*(?:#.*)?)")
@@ -57,7 +57,7 @@ class ParameterFile:
             if self._path.exists():
                 return read_text(self._path).splitlines()
         except (OSError, NotTextError) as error:
-            raise ParameterError(f"{self._path}: {error}") from error
+            raise ParameterError(f"{self._path}: {reason(error)}") from error
         if not os.access(self._path.parent, os.W_OK):
             raise ParameterError(f"{self._path}: cannot be written there; choose another --params")
         return []

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.core.arrays import Mask
-from companion.core.textfile import NotTextError, read_text
+from companion.core.textfile import NotTextError, read_text, reason
 from sitl.core.errors import error_line
 from sitl.world.format import Metres, WorldError
 from sitl.world.known import Raster
@@ -77,7 +77,7 @@ def _read_record(path: Path) -> _Record:
             raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
         return _Record.model_validate(content)
     except (OSError, NotTextError) as error:
-        raise WorldError(f"{path}: {error}") from error
+        raise WorldError(f"{path}: {reason(error)}") from error
     except yaml.YAMLError as error:
         raise WorldError(f"{path}: not YAML: {error}") from error
     except ValidationError as error:
@@ -85,15 +85,24 @@ def _read_record(path: Path) -> _Record:
 
 
 def _parse(text: str) -> Any:
-    """Parse YAML. For a wrong number or tag the parser raises various Python errors."""
+    """Parse YAML. For a wrong number or tag the parser raises various Python errors.
+
+    A key that occurs twice is refused: of two values map_server takes the first, PyYAML the last.
+    """
     try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        keys = (
+            [str(key.value) for key, _ in root.value] if isinstance(root, yaml.MappingNode) else []
+        )
+        if twice := sorted({key for key in keys if keys.count(key) > 1}):
+            raise yaml.YAMLError(f"the key {twice[0]!r} occurs {keys.count(twice[0])} times")
         return yaml.safe_load(text)
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
         raise yaml.YAMLError(str(error)) from error
 
 
 def _grid(path: Path, record: _Record) -> Grid:
-    sums, is_opaque = _read_picture(path, path.parent / record.image)
+    sums, is_opaque = _read_picture(path, record.image)
     every = np.arange(MAX_SUM + 1)
     percent = every // 3 if record.mode == "raw" else every / MAX_SUM * 100
     if record.mode != "raw" and not record.negate:
@@ -120,22 +129,28 @@ def _cropped(grid: Grid) -> Grid:
     return Grid(occupied, free, replace(grid.raster, first=(west - margin, south - margin)))
 
 
-def _read_picture(path: Path, picture: Path) -> tuple[Sums, Mask]:
+def _read_picture(path: Path, name: str) -> tuple[Sums, Mask]:
     """Sum of each cell's colours (black is 0), and the opaque cells; rows from the top."""
     try:
-        with picture.open("rb") as file, warnings.catch_warnings():
+        with (path.parent / name).open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(file, formats=("PPM", "PNG"))
             if max(image.size) > MAX_CELLS_A_SIDE:
                 raise WorldError(
-                    f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
+                    f"{path}: image = {name}: {image.width} × {image.height} cells are "
                     f"too many, {MAX_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
                 )
+            if image.mode == "F":
+                raise UnidentifiedImageError
             return _sums(image)
     except WorldError:
         raise
+    except UnidentifiedImageError as error:
+        raise WorldError(
+            f"{path}: image = {name}: neither PGM nor PNG; save it as PNG in an image editor"
+        ) from error
     except Exception as error:  # decoders raise any exception on a damaged image
-        raise WorldError(f"{path}: image = {picture.name}: {error}") from error
+        raise WorldError(f"{path}: image = {name}: {reason(error)}") from error
 
 
 def _sums(image: Image.Image) -> tuple[Sums, Mask]:

@@ -57,7 +57,7 @@ def _check_place(triangles: Array, source: str) -> None:
         measures = " × ".join(f"{side:.4g}" for side in size)
         raise WorldError(
             f"{source}: measures {measures} m, {MAX_EXTENT_M:g} m at most; "
-            "if these are millimetres, scale it by 0.001"
+            "if these are millimetres, scale it by 0.001; if centimetres, by 0.01"
         )
     farthest_m = float(np.abs([low[:2], high[:2]]).max())
     if farthest_m > FARTHEST_M:

@@ -12,6 +12,7 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2
+from companion.core.textfile import reason
 from sitl.world.format import World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.geometry.triangles import Mesh
@@ -80,6 +81,8 @@ def _read(path: Path, report: Callable[[str], None]) -> Array:
         raise
     except MeshError as error:
         raise WorldError(f"{path}: {error}") from error
+    except OSError as error:
+        raise WorldError(f"{path}: {reason(error)}") from error
     except Exception as error:  # readers raise any exception on a damaged file
         raise WorldError(f"{path}: cannot be read: {error or type(error).__name__}") from error
     if not 0 < count <= MAX_TRIANGLES:

@@ -7,14 +7,15 @@ x is east and y is north, m. A map of the companion, `map.json`, has walls from 
 segments, cross them and leave gaps. Unusable walls are dropped and counted.
 """
 
-import json
 import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from companion.core.textfile import read_text
+from companion.core.errors import RecordingError
+from companion.core.textfile import parsed_json, read_text, reason
+from companion.export.map_record import FORMAT, check_version
 from sitl.world.format import World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MAX_WALLS
 from sitl.world.importers.starts import free_starts
@@ -42,12 +43,16 @@ def load_segments(path: Path, report: Callable[[str], None]) -> World:
     units = record.get("units", "m")
     if units != "m" and not isinstance(units, dict):  # a map has units of other quantities, too
         raise WorldError(f"{path}: units = {units!r}: should be 'm'")
-    good = _mended([_as_list(wall) for wall in walls], report)
+    left_out: list[str] = []
+    good = _mended([_as_list(wall) for wall in walls], left_out.append)
     if not good:
-        raise WorldError(f"{path}: walls: none of {len(walls)} is usable")
+        raise WorldError(f"{path}: walls: none of {len(walls)} is usable: {'; '.join(left_out)}")
+    for repair in left_out:
+        report(repair)
+    name = record.get("name")
     return World.model_validate(
         {
-            "name": str(record.get("name", path.stem)),
+            "name": name if isinstance(name, str) else path.stem,
             "height_m": CEILING_M,
             "walls": [{"points": [(y1, x1), (y2, x2)]} for x1, y1, x2, y2 in good],
             "starts": free_starts([((y1, x1), (y2, x2)) for x1, y1, x2, y2 in good], str(path)),
@@ -57,11 +62,16 @@ def load_segments(path: Path, report: Callable[[str], None]) -> World:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads(read_text(path))
+        record = parsed_json(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
-        raise WorldError(f"{path}: {error}") from error
+        raise WorldError(f"{path}: {reason(error)}") from error
     if not isinstance(record, dict):
         raise WorldError(f"{path}: not a plan: an object with walls is needed")
+    if record.get("format") == FORMAT:
+        try:
+            check_version(record, path)
+        except RecordingError as error:
+            raise WorldError(str(error)) from error
     return record
 
 
@@ -82,7 +92,7 @@ def _mended(walls: list[Any], report: Callable[[str], None]) -> list[Number]:
     single = {_key(wall): wall for wall in long}
     for what, before, after in (
         ("not four finite numbers", walls, numbers),
-        (f"farther than {FARTHEST_M:g} m", numbers, near),
+        (f"farther than {FARTHEST_M:g} m, as if in millimetres", numbers, near),
         (f"shorter than {MIN_WALL_M:g} m", near, long),
         ("repeated", long, single),
     ):

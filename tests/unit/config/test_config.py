@@ -100,6 +100,18 @@ def test_an_invalid_command_line_option_is_refused() -> None:
         load(None, {"mission.kind": "dance"})
 
 
+def test_an_error_names_where_the_wrong_value_comes_from(tmp_path: Path) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text("[mission]\nspeed_m_s = 0.5\n")
+    with pytest.raises(ConfigError, match=r"^command line: mission\.speed_m_s = 9: "):
+        load(path, mission_settings(["speed_m_s=9"]))
+    with pytest.raises(ConfigError, match=r"^fast\.toml: mission\.speed_m_s = 9: "):
+        load(path, {"mission.speed_m_s": 9}, {"mission.speed_m_s": "fast.toml"})
+    path.write_text("[mission]\nspeed_m_s = 9\n")
+    with pytest.raises(ConfigError, match=r"drone\.toml: mission\.speed_m_s = 9: "):
+        load(path, {"mission.height_m": 1.0})
+
+
 def test_assignments_on_the_command_line_override_the_mission_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text("[mission]\nspeed_m_s = 0.5\nheight_m = 1.0\n")

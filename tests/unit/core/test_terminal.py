@@ -74,3 +74,37 @@ def test_our_modules_do_not_use_the_matplotlib_backend_of_a_notebook(
 def test_a_program_keeps_its_own_matplotlib_backend(tmp_path: Path, first: str) -> None:
     ended = run(tmp_path, "-c", first + PROGRAM, MPLBACKEND="svg")
     assert ended.stdout.split() == ["svg", "svg"], ended.stderr
+
+
+def test_pictures_do_not_depend_on_the_users_matplotlibrc(tmp_path: Path) -> None:
+    """Its TeX may be missing here, and a tight box would crop a sheet that is to scale."""
+    show = ("-m", "sitl", "world", "show", "room_100", "--out")
+    plain = run(tmp_path, *show, "plain.png")
+    (tmp_path / "matplotlibrc").write_text(
+        "text.usetex: True\nsavefig.bbox: tight\nfont.size: 30\nsavefig.facecolor: black\n"
+    )
+    styled = run(tmp_path, *show, "styled.png")
+    assert (plain.returncode, styled.returncode) == (0, 0), styled.stderr
+    assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "styled.png").read_bytes()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+@pytest.mark.parametrize(
+    ("module", "command"),
+    [
+        ("sitl", ["world", "list"]),
+        ("sitl", ["world", "check", "room_100"]),
+        ("companion", ["config", "reference"]),
+    ],
+)
+def test_output_to_a_full_disk_is_told_in_one_line(module: str, command: list[str]) -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", module, *command],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert ended.returncode == 2
+    assert ended.stderr == (f"{module}: its output cannot be written: No space left on device\n")

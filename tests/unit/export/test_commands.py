@@ -83,6 +83,8 @@ def test_a_file_that_is_not_a_recording_is_a_one_line_error(command: str, tmp_pa
     [
         (["--format", "geojson"], "give --lat-deg and --lon-deg, or set link.origin_lat_deg"),
         (["--format", "geojson", "--lat-deg", "47"], "a place needs both --lat-deg and --lon-deg"),
+        (["--format", "geojson", "--lat-deg", "nan", "--lon-deg", "8"], "less than or equal to 90"),
+        (["--format", "geojson", "--lat-deg", "50", "--lon-deg", "800"], "equal to 180"),
         (["--format", "svg", "--up", "north"], "--up north needs the true heading"),
     ],
 )

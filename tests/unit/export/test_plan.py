@@ -198,12 +198,25 @@ def test_rooms_get_the_names_of_a_file(tmp_path: Path) -> None:
         ('"room 9" = "Attic"', "room 9 = 'Attic': no such room; the map has: room 1, room 2"),
         ('"room 1" = 3', 'room 1 = 3 is no text; write "room 1" = "Kitchen"'),
         ("room 1", "not TOML"),
+        ('"room 1" = "Küche"', "line 1: byte 0xfc is not UTF-8"),
+        ('"room 1" = "Kitchen\\u0007"', "room 1 = 'Kitchen\\x07': contains a control character"),
     ],
 )
 def test_names_that_do_not_fit_the_map_are_refused(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "names.toml"
-    file.write_text(text)
+    file.write_text(text, encoding="latin-1")
     with pytest.raises(ConfigError) as refused:
         read_room_names(file, ["room 1", "room 2"])
     assert str(file) in str(refused.value)
     assert said in str(refused.value)
+
+
+def test_names_in_a_file_that_cannot_be_read_are_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    for name, said in (
+        ("missing.toml", "No such file or directory"),
+        ("folder.toml", "Is a directory"),
+    ):
+        with pytest.raises(ConfigError) as refused:
+            read_room_names(tmp_path / name, ["room 1"])
+        assert str(refused.value) == f"{tmp_path / name}: {said}"

@@ -127,6 +127,30 @@ def test_a_separator_line_and_comments_before_the_header_are_skipped(tmp_path: P
     assert skipped.first.startswith("line 4:")
 
 
+@pytest.mark.parametrize(
+    "before",
+    [
+        "\n\n",
+        '"sep=,"\n',
+        "sep=,,,,,\n",
+        "\n# by hand\n\n",
+        "# time_s is in seconds since boot\n",
+        "# front_m, left_m: ranges\n# odom_yaw_rad: clockwise\n",
+        "\ufeff",
+    ],
+)
+def test_a_header_is_found_below_other_lines(tmp_path: Path, before: str) -> None:
+    assert_whole(read(tmp_path, (before + text()).encode()))
+    assert_whole(read(tmp_path, (before + "# " + text()).encode()))
+    assert_whole(read(tmp_path, gzip.compress((before + text()).encode("utf-16"))))
+
+
+def test_empty_cells_at_the_end_of_the_header_are_ignored(tmp_path: Path) -> None:
+    head, *rows = text().splitlines()
+    assert_whole(read(tmp_path, "\n".join([f"{head},,", *rows]).encode()))
+    assert_whole(read(tmp_path, "\n".join([f"{head},,", *(f"{r},unnamed" for r in rows)]).encode()))
+
+
 def test_empty_cells_at_the_ends_of_rows_are_ignored(tmp_path: Path) -> None:
     head, *rows = text().splitlines()
     assert_whole(read(tmp_path, "\n".join([head, *(f"{row},,," for row in rows)]).encode()))

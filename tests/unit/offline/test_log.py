@@ -62,6 +62,9 @@ def test_a_missing_file_or_an_unknown_file_type_is_refused(tmp_path: Path) -> No
         read_log(tmp_path / "nowhere.csv", silent)
     with pytest.raises(LogError, match=r"\.csv"):
         read_log(tmp_path / "flight.bag", silent)
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(LogError, match="Is a directory"):
+        read_log(tmp_path / "folder.csv", silent)
 
 
 def test_columns_may_have_any_order_and_unknown_ones_are_reported(tmp_path: Path) -> None:
@@ -178,3 +181,20 @@ def test_a_missing_default_file_gives_defaults_but_a_named_file_must_exist(tmp_p
     assert load(None, tmp_path / "flight.csv") == SensorsConfig()
     with pytest.raises(ConfigError, match="No such file"):
         load(tmp_path / "none.toml", tmp_path / "flight.csv")
+
+
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_a_folder_in_place_of_a_log_is_refused_in_one_line(folder: str) -> None:
+    assert load(None, Path(folder)) == SensorsConfig()
+    with pytest.raises(LogError, match=r"unknown log format; known: \.csv"):
+        read_log(Path(folder), silent)
+
+
+def test_gyro_cells_that_are_no_numbers_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "flight.csv"
+    path.write_text(
+        HEADER.replace("front_m", "gyro_z_rad_s") + "\n0,0,0,0,left\n1,0,0,0,\n2,0,0,0,nan\n"
+    )
+    (reason,) = read_log(path, silent).reading.cells_skipped.items()
+    assert reason[0] == "gyro_z_rad_s not a number"
+    assert (reason[1].count, reason[1].first) == (1, "line 2: 'left'")

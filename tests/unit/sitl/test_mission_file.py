@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from sitl.commands.cli import commands
 from sitl.testing import Sitl
 from sitl.testing.mission_file import MissionError, load_mission
 
@@ -72,8 +74,28 @@ def test_a_missing_file_is_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["mission = 1", "mission = {}\nevents = ['crash']", "raise ValueError('x')", "("]
+    "text",
+    [
+        "mission = 1",
+        "mission = {}\nevents = ['crash']",
+        "mission = {}\nevents = 3",
+        "from sitl.testing import at, crash\nmission = {}\nevents = (at(1, crash()) for _ in '1')",
+        "raise ValueError('x')",
+        "raise SystemExit(3)",
+        "(",
+    ],
 )
 def test_a_python_file_without_a_mission_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(MissionError):
         load_mission(written(tmp_path, "bad.py", text))
+
+
+@pytest.mark.parametrize("name", ["mission.toml", "MISSION.TOML"])
+def test_a_setting_of_the_mission_that_is_refused_is_told_with_the_missions_file(
+    tmp_path: Path, name: str
+) -> None:
+    mission = written(tmp_path, name, "[mission]\nspeed_m_s = 9\n")
+    (tmp_path / "drone.toml").write_text("[mission]\nheight_m = 1.0\n")
+    for options in ((), ("--config", str(tmp_path / "drone.toml"))):
+        refused = CliRunner().invoke(commands, ["fly", "room_100", "--mission", mission, *options])
+        assert str(refused.exception).startswith(f"{mission}: mission.speed_m_s = 9: should be")

@@ -153,6 +153,13 @@ def test_a_survey_without_flights_and_a_damaged_index_are_refused(tmp_path: Path
     (tmp_path / "survey.json").write_text('{"pad": {"sigma_m": -1}}')
     with pytest.raises(SurveyError, match=r"survey\.json: pad\.sigma_m: .*greater than 0"):
         Survey(tmp_path, print)
+    for data, said in (
+        (b'{"pad": ', "Invalid JSON"),
+        ('"Küche"'.encode("latin-1"), "line 1: byte 0xfc is not UTF-8"),
+    ):
+        (tmp_path / "survey.json").write_bytes(data)
+        with pytest.raises(SurveyError, match=rf"survey\.json: {said}"):
+            Survey(tmp_path, print)
 
 
 def test_a_survey_that_cannot_be_made_is_refused_before_take_off(tmp_path: Path) -> None:

@@ -4,18 +4,17 @@ https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
 
 import base64
-import json
 import struct
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.arrays import Array, Indices
-from companion.core.textfile import decoded
+from companion.core.textfile import decoded, parsed_json
 from sitl.world.importers.formats import MeshError, Part, fan, strip
 
 MAGIC, VERSION = b"glTF", 2
@@ -61,9 +60,12 @@ def read_gltf(data: bytes, path: Path) -> Iterator[Part]:
         MeshError: the file is damaged, or needs an extension that is not supported.
     """
     text, binary = _chunks(data) if data.startswith(MAGIC) else (data, None)
-    document = json.loads(decoded(text))
+    document = parsed_json(decoded(text))
     if not isinstance(document, dict) or "asset" not in document:
         raise MeshError("does not begin like glTF: it is damaged, or of another format")
+    version = str(dict(document["asset"]).get("version", VERSION))
+    if version.partition(".")[0] != str(VERSION):
+        raise _of_version(version)
     for name in document.get("extensionsRequired", ()):
         if name not in READ and not name.startswith(HARMLESS):
             raise _needs(name)
@@ -77,11 +79,15 @@ def _needs(extension: str) -> MeshError:
     )
 
 
+def _of_version(version: object) -> MeshError:
+    return MeshError(f"is glTF of version {version}; export it as version {VERSION}")
+
+
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     """JSON and buffer of a binary file."""
     _, version, length = struct.unpack_from("<4sII", data)
     if version != VERSION:
-        raise MeshError(f"is glTF of version {version}; export it as version {VERSION}")
+        raise _of_version(version)
     if length > len(data):
         raise MeshError(f"declares {length} bytes and holds {len(data)}: it is cut short")
     at, found = 12, dict[int, bytes]()
@@ -256,8 +262,10 @@ class _Document:
         return data
 
     def _of_uri(self, uri: str) -> bytes:
-        if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
+        kind, comma, text = uri.partition(",")
+        if kind.lower().startswith("data:") and comma:
+            data = unquote_to_bytes(text)
+            return _decoded(data) if kind.lower().endswith(";base64") else data
         beside = self._folder / unquote(uri)
         try:
             return beside.read_bytes()
@@ -270,6 +278,11 @@ class _Document:
             raise MeshError(f"has no {group} {number}: it is damaged")
         entry: Record = entries[number]
         return entry
+
+
+def _decoded(text: bytes) -> bytes:
+    """Bytes of a text in Base64, in either of its two alphabets."""
+    return base64.b64decode(text.translate(bytes.maketrans(b"-_", b"+/")))
 
 
 def _extension(record: Record, name: str) -> Record:

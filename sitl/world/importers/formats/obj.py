@@ -15,6 +15,8 @@ NOT_READ = {
     "call": "parts in other files",
 }
 """Statements that would add faces."""
+READ = ("v", "f", "fo")
+"""Statements that are read: vertices and faces."""
 NOWHERE = -1
 """Number of a vertex that does not exist."""
 
@@ -29,8 +31,8 @@ def read_obj(data: bytes, path: Path) -> Iterator[Part]:
     polygons: list[list[int]] = []
     # comments and names may have any encoding and are ignored
     text = data.decode(encoding_of(data), "replace").replace("\r\n", "\n").replace("\r", "\n")
-    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), start=1):
-        keyword, *words = line.partition("#")[0].split() or ("",)
+    for number, line in _statements(text):
+        keyword, *words = line.split() or ("",)
         try:
             if keyword == "v":
                 x, y, z = map(float, words[:3])
@@ -45,6 +47,26 @@ def read_obj(data: bytes, path: Path) -> Iterator[Part]:
             kind = NOT_READ[keyword]
             raise MeshError(f"line {number}: {kind} ({keyword}) are not read; export triangles")
     yield part(vertices, (face for corners in polygons for face in triangles(corners, vertices)))
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """Statements without comments, and the line on which each begins.
+
+    A backslash at the end continues a statement that is read. At the end of a comment or a name it
+    is that of a Windows folder.
+    """
+    begun = ""
+    first = 1
+    for number, line in enumerate(text.split("\n"), start=1):
+        first = first if begun else number
+        statement = (begun + line).partition("#")[0].rstrip()
+        begun = ""
+        if statement.endswith("\\") and statement.split()[0] in READ:
+            begun = statement[:-1] + " "
+        else:
+            yield first, statement
+    if begun:
+        yield first, begun
 
 
 def _corners(words: Sequence[str], vertices: int) -> list[int]:

@@ -1,6 +1,7 @@
 """Reads PLY, text or binary: vertices, and faces or strips of triangles; ignores the rest."""
 
 import codecs
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ KINDS = {
 }
 """Types by both of their names, as letters of `struct`."""
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+END = re.compile(rb"[\r\n]end_header[ \t]*(?:\r\n|\r|\n|$)")
+"""Last line of the header; a comment may contain the word."""
 CORNERS = ("vertex_indices", "vertex_index")
 END_OF_STRIP = -1
 """Index in `tristrips` that ends a strip."""
@@ -80,9 +83,9 @@ def read_ply(data: bytes, path: Path) -> Iterator[Part]:
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
-    begin, end, body = data.partition(b"end_header")
-    begin = begin.removeprefix(codecs.BOM_UTF8)
-    if begin[:3] != b"ply" or not end:
+    end = END.search(data)
+    begin = data[: end.start()].removeprefix(codecs.BOM_UTF8) if end else b""
+    if begin[:3] != b"ply" or end is None:
         raise MeshError("does not begin like PLY: it is damaged, or of another format")
     lines = [line.split() for line in begin.decode(errors="replace").splitlines()]
     order, elements = None, list[_Element]()
@@ -92,9 +95,11 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
                 order = ORDERS[name]
             case ["element", name, count] if count.isdecimal():
                 elements.append(_Element(name, int(count)))
-            case ["property", "list", length, kind, name] if elements:
+            case ["property", "list", length, kind, name] if elements and {length, kind} <= {
+                *KINDS
+            }:
                 elements[-1].properties.append((name, KINDS[kind], KINDS[length]))
-            case ["property", kind, name] if elements:
+            case ["property", kind, name] if elements and kind in KINDS:
                 elements[-1].properties.append((name, KINDS[kind], ""))
             case ["comment" | "obj_info", *_]:
                 pass
@@ -102,8 +107,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
                 raise MeshError(f"{' '.join(words)[:40]!r} in its header is unknown")
     if order is None:
         raise MeshError("its header has no format")
-    newline = 2 if body[:2] == b"\r\n" else 1
-    return order, elements, body[newline:]
+    return order, elements, data[end.end() :]
 
 
 def _xyz(element: _Element, table: Array) -> Array:

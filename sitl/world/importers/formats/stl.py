@@ -1,4 +1,7 @@
-"""Reads STL: binary if the file size matches its number of triangles, else text."""
+"""Reads STL: binary if the file size matches its number of triangles, else text.
+
+Some programs append a few bytes to a binary file: less than one triangle more is no triangle.
+"""
 
 import codecs
 import re
@@ -26,8 +29,10 @@ def read_stl(data: bytes, path: Path) -> Iterator[Part]:
     """
     data = data.removeprefix(codecs.BOM_UTF8)
     declared = int.from_bytes(data[80:HEADER_BYTES], "little")
-    if len(data) >= HEADER_BYTES and len(data) == HEADER_BYTES + declared * FACET.itemsize:
-        corners = np.frombuffer(data, FACET, offset=HEADER_BYTES)["corners"].astype(float)
+    appended = len(data) - HEADER_BYTES - declared * FACET.itemsize
+    if len(data) >= HEADER_BYTES and 0 <= appended < FACET.itemsize:
+        facets = np.frombuffer(data, FACET, declared, HEADER_BYTES)
+        corners = facets["corners"].astype(float)
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _text(data)
     else:
@@ -41,6 +46,7 @@ def read_stl(data: bytes, path: Path) -> Iterator[Part]:
 
 
 def _text(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     *_, last = data.rstrip().splitlines()
     if not last.split()[:1] or last.split()[0].lower() != b"endsolid":
         raise MeshError("ends without endsolid: it is cut short; export it again")

@@ -97,6 +97,8 @@ def test_the_number_of_a_flight_is_that_of_its_settings_and_of_the_worlds_conten
     [
         ("flights = 3", "flights = 3: no such key"),
         ("[vary", "Expected ']' at the end of a table"),
+        (f"[vary]\nseed = {'9' * 5000}", "not TOML: Exceeds the limit"),
+        (f"[vary]\nseed = {'[' * 5000}", "not TOML: "),
         ("[vary]\nwrold = 'room_100'", r"wrold: no such setting; known are world, seed"),
         ("[vary]\nworld = 'nix'", "no world 'nix'"),
         ("[vary]\nseed = []", r"seed = \[\]: needs at least one value"),

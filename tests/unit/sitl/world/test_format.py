@@ -239,6 +239,7 @@ WALLS = "[[walls]]\npoints = [[0, 0], [1, 0]]\n[[starts]]\nname = 'a'\nposition 
     [
         ("name = 'x'\nheight_m = nan\n" + WALLS, "height_m"),
         ("name = 'x'\nheight_m = 2.6\nroof = 1\n" + WALLS, "roof"),
+        ("name = 'x'\nhight_m = 2.6\n" + WALLS, "hight_m = 2.6: no such key"),
         ("name = 'x'\nheight_m = 2.6\n" + WALLS.replace("[1, 0]", "[0, 0]"), "same point"),
         ("name = 'x'\nheight_m = 2.6\n" + WALLS.replace("[1, 0]", "[1e9, 0]"), "1000"),
         ("name = 'x'\nheight_m = 2.6\n" + WALLS.split("[[starts]]", maxsplit=1)[0], "starts"),

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -233,3 +234,28 @@ def test_a_truncated_gltf_file_is_refused(tmp_path: Path, cut: int) -> None:
     path = gltf().save(tmp_path / "room.glb")
     path.write_bytes(path.read_bytes()[:-cut])
     assert "cut short" in refusal(path)
+
+
+def test_gltf_of_another_version_is_refused_by_its_number(tmp_path: Path) -> None:
+    made = gltf()
+    made.document["asset"] = {"version": "1.0"}
+    for name in ("room.gltf", "room.glb"):
+        assert "is glTF of version 1.0; export it as version 2" in refusal(
+            made.save(tmp_path / name)
+        )
+
+
+def test_gltf_data_in_the_text_may_be_written_in_any_way(
+    tmp_path: Path, truth: list[tuple[float, ...]]
+) -> None:
+    made = gltf()
+    path = made.save(tmp_path / "room.gltf")
+    for head, text in (
+        ("DATA:application/octet-stream;base64", base64.b64encode(made.blob).decode()),
+        ("data:;base64", base64.urlsafe_b64encode(made.blob).decode()),
+        ("data:application/gltf-buffer;base64", quote(base64.b64encode(made.blob).decode(), "")),
+        ("data:application/octet-stream", quote(made.blob)),
+    ):
+        made.document["buffers"] = [{"byteLength": len(made.blob), "uri": f"{head},{text}"}]
+        path.write_text(json.dumps(made.document), encoding="utf-8")
+        assert plan(load_world(str(path))) == truth

@@ -158,7 +158,7 @@ def test_unusable_triangles_are_left_out_and_reported(tmp_path: Path) -> None:
 
 
 def test_meshes_that_are_not_buildings_are_refused(tmp_path: Path) -> None:
-    assert "if these are millimetres" in refused(
+    assert "if these are millimetres, scale it by 0.001; if centimetres, by 0.01" in refused(
         write_mesh(tmp_path, ".stl", BOX.copy().apply_scale(1000))
     )
     assert "0.026 m high" in refused(write_mesh(tmp_path, ".stl", BOX.copy().apply_scale(0.01)))

@@ -70,6 +70,24 @@ def test_obj_syntax_variants_are_read(tmp_path: Path) -> None:
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
 
 
+@pytest.mark.parametrize("name", ["# exported from C:\\models\\", "mtllib C:\\", "g wall\\ "])
+@pytest.mark.parametrize("statement", ["v", "f"])
+def test_obj_comments_and_names_may_end_with_a_backslash(
+    tmp_path: Path, name: str, statement: str
+) -> None:
+    """The statement below is not part of the name. A lost vertex would shift all others."""
+    (tmp_path / "room.obj").write_text(
+        ABSOLUTE.replace(f"{statement} ", f"{name}\n{statement} ", 1)
+    )
+    assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
+
+
+def test_obj_errors_name_the_line_on_which_a_continued_statement_begins(tmp_path: Path) -> None:
+    path = tmp_path / "room.obj"
+    path.write_text(ABSOLUTE.replace("f 1 2", "f 1 \\ \n 2") + "f 1 \\\n 2 x\n")
+    assert "line 32: 'f 1   2 x'" in refusal(path)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_obj_with_a_byte_order_mark_is_read(tmp_path: Path, encoding: str) -> None:
     """The first vertex follows the byte order mark. If it were lost, all indices would shift."""
@@ -160,6 +178,9 @@ def test_stl_gives_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]])
         stl_text().encode(),
         stl_text().encode("utf-8-sig"),
         stl_text("a vertex 1 2 3 facet").upper().encode(),
+        stl_text().replace("\n", "\r\n").encode(),
+        stl_text().replace("\n", "\r").encode(),
+        stl() + b"\r\n",
     ):
         path.write_bytes(data)
         assert plan(load_world(str(path))) == truth
@@ -213,6 +234,20 @@ def test_ply_gives_the_same_room(
     assert plan(load_world(str(path))) == truth
     path.write_bytes(codecs.BOM_UTF8 + ply(form, polygons).replace(b"\n", b"\r\n", 9))
     assert plan(load_world(str(path))) == truth
+
+
+def test_a_ply_comment_may_mention_the_end_of_the_header(
+    tmp_path: Path, truth: list[tuple[float, ...]]
+) -> None:
+    path = tmp_path / "room.ply"
+    path.write_bytes(ply("ascii", QUADS).replace(b"by hand", b"before end_header\ncomment"))
+    assert plan(load_world(str(path))) == truth
+
+
+def test_a_ply_property_of_an_unknown_type_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "room.ply"
+    path.write_bytes(ply("ascii", QUADS).replace(b"uchar red", b"half red"))
+    assert "'property half red' in its header is unknown" in refusal(path)
 
 
 @pytest.mark.parametrize("form", FORMS)

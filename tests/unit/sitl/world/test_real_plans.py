@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from sitl.world.cli import commands
 from sitl.world.format import WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
@@ -68,6 +70,55 @@ def test_invalid_plans_are_refused(tmp_path: Path, walls: object, words: str) ->
 def test_other_units_are_refused(tmp_path: Path) -> None:
     with pytest.raises(WorldError, match="units"):
         load_world(write(tmp_path, SQUARE, units="ft"))
+    millimetres = [[1000 * x for x in wall] for wall in SQUARE]
+    with pytest.raises(WorldError, match=r"none of 4 is usable: .* as if in millimetres"):
+        load_world(write(tmp_path, millimetres))
+
+
+def test_a_key_that_occurs_twice_is_refused(tmp_path: Path) -> None:
+    """One of both lists of walls would vanish."""
+    path = tmp_path / "plan.json"
+    path.write_text(f'{{"walls": {SQUARE[:2]}, "walls": {SQUARE}}}')
+    with pytest.raises(WorldError, match=r"plan\.json: the key 'walls' occurs 2 times; remove"):
+        load_world(str(path))
+
+
+@pytest.mark.parametrize("version", [2, "1"])
+def test_a_map_of_a_later_version_is_refused(tmp_path: Path, version: object) -> None:
+    walls = [{"start_ne_m": [y1, x1], "end_ne_m": [y2, x2]} for x1, y1, x2, y2 in SQUARE]
+    with pytest.raises(WorldError, match=r"plan\.json: version = .* up to 1; update"):
+        load_world(write(tmp_path, walls, format="pdps-map", version=version))
+    assert load_world(write(tmp_path, walls, format="pdps-map", version=1)).walls
+
+
+def test_a_plan_without_a_text_as_its_name_has_that_of_its_file(tmp_path: Path) -> None:
+    for name in (None, ["a"], 7):
+        assert load_world(write(tmp_path, SQUARE, name=name)).name == "plan"
+
+
+@pytest.mark.parametrize(
+    "name", ["flat 2/3", "/nowhere/house", "../house", "a\0b", "ü" * 300, "", "."]
+)
+def test_the_default_file_of_a_world_lies_in_this_folder_whatever_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    plan = write(tmp_path, SQUARE, name=name)
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    done = CliRunner().invoke(commands, ["export", plan])
+    assert done.exit_code == 0, done.output
+    (path,) = (tmp_path / "here").iterdir()
+    assert path.suffix == ".toml"
+
+
+def test_a_missing_file_and_a_folder_are_refused_with_the_reason_alone(tmp_path: Path) -> None:
+    for suffix in (".json", ".yaml", ".toml", ".obj"):
+        path = tmp_path / f"plan{suffix}"
+        for reason in ("No such file or directory", "Is a directory"):
+            with pytest.raises(WorldError) as refused:
+                load_world(str(path))
+            assert str(refused.value) == f"{path}: {reason}"
+            path.mkdir(exist_ok=True)
 
 
 @settings(max_examples=examples(60))

@@ -202,6 +202,29 @@ def test_damaged_images_are_refused(tmp_path: Path) -> None:
     assert "No such file" in refused(path)
 
 
+@pytest.mark.parametrize("form", ["JPEG", "BMP", "TIFF", "GIF"])
+def test_images_of_other_formats_are_refused_with_the_remedy(tmp_path: Path, form: str) -> None:
+    path = write_map(tmp_path, Image.fromarray(SQUARE))
+    Image.fromarray(SQUARE).save(tmp_path / "house.pgm", form)
+    said = "house.yaml: image = house.pgm: neither PGM nor PNG; save it as PNG"
+    assert said in refused(path)
+
+
+def test_an_image_of_fractions_is_not_read_as_black(tmp_path: Path) -> None:
+    path = write_map(tmp_path, Image.fromarray(SQUARE))
+    rows, columns = SQUARE.shape
+    shares = np.flipud(SQUARE / 255).astype("<f4").tobytes()
+    (tmp_path / "house.pgm").write_bytes(f"Pf\n{columns} {rows}\n-1.0\n".encode() + shares)
+    assert "neither PGM nor PNG" in refused(path)
+
+
+def test_a_key_that_occurs_twice_is_refused(tmp_path: Path) -> None:
+    """Of two resolutions map_server takes the first, and the YAML parser the last."""
+    path = Path(write_map(tmp_path, Image.fromarray(SQUARE)))
+    path.write_text(path.read_text() + "\nresolution: 0.1\n")
+    assert "the key 'resolution' occurs 2 times" in refused(str(path))
+
+
 def test_a_noise_image_is_refused(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     for size in (400, 1000):
