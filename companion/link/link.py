@@ -159,8 +159,7 @@ class Link:
     def _note(self, kind: str, message: Message) -> None:
         if kind == "HEARTBEAT":
             self._firmware = self._firmware or self._meet(message)
-            self._note_mode(message.custom_mode)
-            self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self._note_heartbeat(message)
         elif kind == "SYS_STATUS":
             known = 0 <= message.battery_remaining <= 100  # -1: unknown
             self._battery = message.battery_remaining / 100 if known else None
@@ -184,11 +183,15 @@ class Link:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
                     self._parameters_set[parameter.name] = set_
 
-    def _note_mode(self, custom_mode: int) -> None:
-        if self._firmware is not None:
-            was_ours = self._firmware.is_offboard(self._custom_mode)
-            self._left_offboard |= was_ours and not self._firmware.is_offboard(custom_mode)
+    def _note_heartbeat(self, heartbeat: Message) -> None:
+        custom_mode, firmware = heartbeat.custom_mode, self._firmware
+        if firmware is not None:
+            if heartbeat.autopilot != firmware.autopilot:
+                return  # from a ground station or gimbal that uses the autopilot's ids
+            was_ours = firmware.is_offboard(self._custom_mode)
+            self._left_offboard |= was_ours and not firmware.is_offboard(custom_mode)
         self._custom_mode, self._mode_s = custom_mode, self._heard_s
+        self._armed = bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 
     def _meet(self, heartbeat: Message) -> Firmware | None:
         firmware = firmware_of(heartbeat.autopilot, heartbeat.type)
@@ -303,8 +306,8 @@ class Link:
         )
 
     def _report_complaint(self) -> str:
-        if not self._odometry.has_position:
-            return "it does not send LOCAL_POSITION_NED"
+        if missing := self._odometry.missing:
+            return f"it does not send {missing}"
         if self._landed_state is LandedState.UNKNOWN:
             return "it does not report whether it has landed (EXTENDED_SYS_STATE)"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]

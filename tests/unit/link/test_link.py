@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, CommandKind, LandedState, Setpoint
 from companion.link.link import Link
-from companion.link.transports.transport import pipe_pair
+from companion.link.transports.transport import Message, pipe_pair
 from sitl.autopilot.core import Autopilot
 from tests.unit.link.scripted_vehicle import (
     TICK_S,
@@ -78,6 +78,35 @@ def test_late_and_repeated_messages_give_no_odometry(vehicle: Vehicle) -> None:
     vehicle.sends(heartbeat(), attitude(200), position(200))
     assert vehicle.sends(attitude(150), position(150)).odometry is None
     assert vehicle.sends(attitude(200), position(200)).odometry is None
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [attitude(1040, math.nan), position(1040, math.nan), position(1040, math.inf)],
+    ids=["heading", "position", "infinite"],
+)
+def test_a_message_that_is_not_a_number_is_as_if_not_sent(broken: Message) -> None:
+    """PX4 sends NaN for what its estimator does not know; one such message must not last."""
+    vehicle = Vehicle()
+    vehicle.now_s = 1.0
+    vehicle.sends(heartbeat(), attitude(1000), position(1000))
+    vehicle.sends(broken)
+    vehicle.now_s = 1.1
+    odometry = vehicle.sends(attitude(1080), position(1080), attitude(1100)).odometry
+    assert odometry is not None
+    values = (*odometry.position_ned_m, odometry.yaw_rad, odometry.pulled_rad)
+    assert all(map(math.isfinite, values))
+
+
+def test_a_heartbeat_of_a_ground_station_with_the_ids_of_the_autopilot_changes_no_mode(
+    vehicle: Vehicle,
+) -> None:
+    vehicle.sends(heartbeat(4, armed=True))
+    station = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+    )
+    state = vehicle.sends(station).vehicle
+    assert (state.mode, state.armed, state.left_offboard) == ("GUIDED", True, False)
 
 
 def test_a_pause_before_reading_drops_one_odometry(vehicle: Vehicle) -> None:
