@@ -108,6 +108,19 @@ def decode_stream(codec: Any, data: bytes) -> list[Message]:
     ]
 
 
+def _remedy(error: OSError | OverflowError | UnicodeError, host: str) -> str:
+    """Remedy for a UDP address that cannot be used."""
+    if isinstance(error, OverflowError):
+        return "choose a port up to 65535"
+    if isinstance(error, socket.gaierror | UnicodeError):
+        return f"is the network up, and {host} the right name? write its IP address"
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{host} is no address of this computer: write 0.0.0.0, or udpout to send there"
+    if error.errno == errno.EACCES:
+        return "choose a port from 1024 on"
+    return "is another program using it? choose another port"
+
+
 class UdpTransport:
     """MAVLink in datagrams.
 
@@ -142,10 +155,9 @@ class UdpTransport:
             else:
                 self._socket.bind(("", 0))
                 self._peers = Peers((socket.gethostbyname(host), int(port)))
-        except (OSError, OverflowError) as error:
+        except (OSError, OverflowError, UnicodeError) as error:
             self._socket.close()
-            remedy = "is another program using it? choose another port"
-            raise LinkError(f"{url}: {error}; {remedy}") from error
+            raise LinkError(f"{url}: {error}; {_remedy(error, host)}") from error
 
     @property
     def local_port(self) -> int:

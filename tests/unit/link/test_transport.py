@@ -237,6 +237,19 @@ def test_a_port_in_use_is_refused_with_its_url(udp_pair: UdpPair) -> None:
         UdpTransport(url, 1, 191)
 
 
+@pytest.mark.parametrize(
+    ("url", "remedy"),
+    [
+        ("udpin:192.0.2.1:14550", "no address of this computer: write 0.0.0.0"),
+        ("udpout:drone..local:14550", "drone..local the right name"),
+        ("udpin:127.0.0.1:99999", "a port up to 65535"),
+    ],
+)
+def test_a_wrong_address_is_refused_with_its_remedy(url: str, remedy: str) -> None:
+    with pytest.raises(LinkError, match=remedy):
+        UdpTransport(url, 1, 191)
+
+
 def test_values_are_received_as_float32() -> None:
     message = mavlink.MAVLink_local_position_ned_message(0, 0.1, 0, 0, 0, 0, 0)
     (rounded,) = struct.unpack("<f", struct.pack("<f", 0.1))
