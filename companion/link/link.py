@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
+from companion.link.battery import Battery
 from companion.link.firmware import Fence, Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
@@ -91,7 +92,7 @@ class Link:
         self._armed = self._left_offboard = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
-        self._battery: float | None = None
+        self._battery = Battery()
         self._estimate_complaint = "no state of its estimator received"
         self._follows_us = config.send_pose
         self._odometry = OdometryReader(follows_us=self._follows_us)
@@ -161,8 +162,7 @@ class Link:
             self._firmware = self._firmware or self._meet(message)
             self._note_heartbeat(message)
         elif kind == "SYS_STATUS":
-            known = 0 <= message.battery_remaining <= 100  # -1: unknown
-            self._battery = message.battery_remaining / 100 if known else None
+            self._battery.receive(message)
             if self._pilot is not None:
                 self._pilot.receive(message)
         elif kind == "EXTENDED_SYS_STATE":
@@ -234,7 +234,7 @@ class Link:
             waits_for=waits_for,
             refusal=self._commands.refusal,
             is_refused=self._commands.is_refused,
-            battery=self._battery,
+            battery=self._battery.charge,
         )
 
     def transmit(self, messages: Sequence[Message]) -> None:

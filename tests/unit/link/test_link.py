@@ -152,6 +152,17 @@ def test_landed_state_is_decoded(vehicle: Vehicle, value: int, state: LandedStat
     assert vehicle.sends(heartbeat(), message).vehicle.landed_state is state
 
 
+def test_one_wrong_report_of_the_battery_does_not_count(vehicle: Vehicle) -> None:
+    def battery(percent: int) -> float | None:
+        status = mavlink.MAVLink_sys_status_message(*(0,) * 5, -1, percent, *(0,) * 6)
+        return vehicle.sends(status).vehicle.battery
+
+    vehicle.sends(heartbeat())
+    assert [battery(percent) for percent in (60, 0, 0, 59)] == [0.6] * 3 + [0.59]
+    assert battery(-1) is None
+    assert [battery(percent) for percent in (10, 10, 10)][-1] == 0.1
+
+
 def test_silence_is_infinite_before_the_first_message(vehicle: Vehicle) -> None:
     assert math.isinf(vehicle.sends().vehicle.silent_s)
 
