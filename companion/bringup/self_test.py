@@ -215,7 +215,7 @@ class Examination:
                 f"no bytes received at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
                 "and disable the login shell on the port"
             )
-            if url.split(":")[1] in NOT_THE_PINS:
+            if self._config.link.serial_port in NOT_THE_PINS:
                 remedy += "; on a Raspberry Pi 5 this is the debug connector: use /dev/ttyAMA0"
             return Finding("link", CheckResult.BAD, "silent", remedy)
         remedy = (

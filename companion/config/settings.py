@@ -81,7 +81,7 @@ class LinkConfig(Group):
 
     url: str = Field(
         "udpin:127.0.0.1:14550",
-        pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
+        pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/\S+:\d{4,7})$",
     )
     """`udpin:HOST:PORT` waits there for the autopilot, `udpout:HOST:PORT` sends first,
     `serial:/dev/PORT:BAUD` opens a serial port."""
@@ -115,6 +115,12 @@ class LinkConfig(Group):
     setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
     """Time after the last setpoint at which ArduPilot stops and PX4 lands. The companion sets it in
     the autopilot. A larger value bridges pauses of the computer and needs a lower speed."""
+
+    @property
+    def serial_port(self) -> str | None:
+        """Path of the serial port, which may contain colons (/dev/serial/by-path); else None."""
+        kind, _, address = self.url.partition(":")
+        return address.rpartition(":")[0] if kind == "serial" else None
 
     @property
     def place(self) -> Place | None:
@@ -252,9 +258,7 @@ class Config(Group):
     @model_validator(mode="after")
     def _check_serial_ports(self) -> Self:
         for beam, sensor in self.sensors.beams.items():
-            if isinstance(sensor, TfminiSensor) and self.link.url.startswith(
-                f"serial:{sensor.port}:"
-            ):
+            if isinstance(sensor, TfminiSensor) and sensor.port == self.link.serial_port:
                 raise ValueError(
                     f"link.url and sensors.ranges.{beam.value}.port are both {sensor.port}; "
                     "give each a port of its own"

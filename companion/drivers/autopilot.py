@@ -1,6 +1,10 @@
 """Range sensors of the autopilot, reported over MAVLink as DISTANCE_SENSOR (132).
 
 The orientation field determines the beam. The link passes the messages.
+
+Several sensors may have one orientation: an ArduPilot with PRX1_TYPE 4 sends each rangefinder again
+as proximity, with id 10 and above, after its own processing. Of those only the sensor
+with the lowest id is read.
 """
 
 from collections.abc import Mapping
@@ -26,6 +30,9 @@ RANGE_HZ = 20.0
 """Requested rate of DISTANCE_SENSOR, Hz. Chosen."""
 RANGE_FRESH_S = 0.2
 """A reading is fresh for this time, s. Chosen: the autopilot sends messages irregularly."""
+FORGOTTEN_S = 5.0
+"""A sensor with a higher id is read after this silence of the one before, s. Chosen: longer than
+the silence after which the drone lands; a restarted autopilot may number its sensors anew."""
 UNKNOWN_COVARIANCE, INVALID_QUALITY = 255, 1
 """Values of DISTANCE_SENSOR: unknown covariance; invalid signal quality."""
 NO_DISTANCE_CM = (0, 0xFFFF)
@@ -62,12 +69,21 @@ class AutopilotRanges:
             for beam, sensor in sensors.items()
         }
         self._latest = {beam: Latest(RANGE_FRESH_S) for beam in sensors}
+        self._read_from: dict[Beam, tuple[int, float]] = {}
+        """Id of the sensor, and time of its last message, s."""
 
     def receive(self, message: Any, now_s: float) -> None:
         """Process a DISTANCE_SENSOR message; messages of other orientations are ignored."""
         beam = ORIENTATIONS.get(message.orientation)
-        if beam in self._latest:
+        if beam in self._latest and self._is_read(beam, message.id, now_s):
             self._latest[beam].note(now_s, _reading(message, self.models[beam]))
+
+    def _is_read(self, beam: Beam, sensor_id: int, now_s: float) -> bool:
+        known_id, heard_s = self._read_from.get(beam, (sensor_id, now_s))
+        if sensor_id > known_id and now_s - heard_s <= FORGOTTEN_S:
+            return False
+        self._read_from[beam] = sensor_id, now_s
+        return True
 
     def read(self, time_s: float) -> dict[Beam, RangeReading]:
         """Readings of the beams with a fresh message."""

@@ -15,6 +15,8 @@ from companion.core.messages import GyroSample
 
 IMU_HZ, NOT_REQUESTED = 50.0, 0.0
 """Requested rate, Hz, Chosen; and the value for messages that are not requested."""
+HIGHRES_GAP_S = 0.1
+"""HIGHRES_IMU is used while it arrives at least this often, s. Chosen: five periods of `IMU_HZ`."""
 MAX_RATE_RAD_S = math.radians(2000)
 """Largest measurable rate of an autopilot's gyro, rad/s. Chosen."""
 
@@ -26,7 +28,8 @@ class AutopilotGyro:
         mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: NOT_REQUESTED,
         mavlink.MAVLINK_MSG_ID_SCALED_IMU: IMU_HZ,
     }
-    """PX4 streams the first without a request; ArduPilot may lack it and would report an error."""
+    """PX4 streams the first without a request; ArduPilot may lack it and would report an error. A
+    ground station on the same link may have requested it at a few Hz: then the second is used."""
     _DECODERS: Mapping[str, Callable[[Any], tuple[float, float]]] = {
         "HIGHRES_IMU": lambda m: (m.time_usec * 1e-6, m.zgyro),
         "SCALED_IMU": lambda m: (m.time_boot_ms * 1e-3, m.zgyro * 1e-3),
@@ -35,15 +38,18 @@ class AutopilotGyro:
 
     def __init__(self) -> None:
         self._samples: list[GyroSample] = []
-        self._has_highres = False
+        self._is_highres_used = False
+        self._highres_s = -math.inf
         self._clock = BootClock()
         self._boot_s = self._last_s = -math.inf
 
     def receive(self, message: Any, now_s: float) -> None:
         """Process one sample by its own time; samples older than the last are ignored."""
         kind = message.get_type()
-        self._has_highres |= kind == "HIGHRES_IMU"
-        if kind == "SCALED_IMU" and self._has_highres:
+        is_highres, is_frequent = kind == "HIGHRES_IMU", now_s - self._highres_s <= HIGHRES_GAP_S
+        if is_highres:
+            self._highres_s, self._is_highres_used = now_s, is_frequent
+        if is_highres != (self._is_highres_used and is_frequent):
             return
         boot_s, yaw_rate_rad_s = self._DECODERS[kind](message)
         if self._clock.receive(boot_s, now_s):

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
+from companion.link.battery import Battery
 from companion.link.firmware import Fence, Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
@@ -91,7 +92,7 @@ class Link:
         self._armed = self._left_offboard = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
-        self._battery: float | None = None
+        self._battery = Battery()
         self._estimate_complaint = "no state of its estimator received"
         self._follows_us = config.send_pose
         self._odometry = OdometryReader(follows_us=self._follows_us)
@@ -159,11 +160,9 @@ class Link:
     def _note(self, kind: str, message: Message) -> None:
         if kind == "HEARTBEAT":
             self._firmware = self._firmware or self._meet(message)
-            self._note_mode(message.custom_mode)
-            self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self._note_heartbeat(message)
         elif kind == "SYS_STATUS":
-            known = 0 <= message.battery_remaining <= 100  # -1: unknown
-            self._battery = message.battery_remaining / 100 if known else None
+            self._battery.receive(message)
             if self._pilot is not None:
                 self._pilot.receive(message)
         elif kind == "EXTENDED_SYS_STATE":
@@ -184,11 +183,15 @@ class Link:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
                     self._parameters_set[parameter.name] = set_
 
-    def _note_mode(self, custom_mode: int) -> None:
-        if self._firmware is not None:
-            was_ours = self._firmware.is_offboard(self._custom_mode)
-            self._left_offboard |= was_ours and not self._firmware.is_offboard(custom_mode)
+    def _note_heartbeat(self, heartbeat: Message) -> None:
+        custom_mode, firmware = heartbeat.custom_mode, self._firmware
+        if firmware is not None:
+            if heartbeat.autopilot != firmware.autopilot:
+                return  # from a ground station or gimbal that uses the autopilot's ids
+            was_ours = firmware.is_offboard(self._custom_mode)
+            self._left_offboard |= was_ours and not firmware.is_offboard(custom_mode)
         self._custom_mode, self._mode_s = custom_mode, self._heard_s
+        self._armed = bool(heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
 
     def _meet(self, heartbeat: Message) -> Firmware | None:
         firmware = firmware_of(heartbeat.autopilot, heartbeat.type)
@@ -231,7 +234,7 @@ class Link:
             waits_for=waits_for,
             refusal=self._commands.refusal,
             is_refused=self._commands.is_refused,
-            battery=self._battery,
+            battery=self._battery.charge,
         )
 
     def transmit(self, messages: Sequence[Message]) -> None:
@@ -303,8 +306,8 @@ class Link:
         )
 
     def _report_complaint(self) -> str:
-        if not self._odometry.has_position:
-            return "it does not send LOCAL_POSITION_NED"
+        if missing := self._odometry.missing:
+            return f"it does not send {missing}"
         if self._landed_state is LandedState.UNKNOWN:
             return "it does not report whether it has landed (EXTENDED_SYS_STATE)"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]

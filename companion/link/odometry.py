@@ -63,8 +63,11 @@ class OdometryReader:
         self._is_in_order = True
 
     @property
-    def has_position(self) -> bool:
-        return self._position is not None
+    def missing(self) -> str:
+        """Name of a message that has not been received yet; empty if both have been."""
+        if self._position is None:
+            return "LOCAL_POSITION_NED"
+        return "ATTITUDE" if self._attitude is None else ""
 
     @property
     def told(self) -> tuple[Vector3, float] | None:
@@ -84,7 +87,12 @@ class OdometryReader:
         return bool(message.time_boot_ms < max(known, default=0) - RESTARTED_MS)
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
-        """Odometry at `now_s`, if the message is a newer position than the last; else None."""
+        """Odometry at `now_s`, if the message is a newer position than the last; else None.
+
+        A message with a value that is not finite is ignored: sums would keep it for ever.
+        """
+        if not _is_finite(message):
+            return None
         if self._clock.receive(message.time_boot_ms * 1e-3, now_s):
             self._newest_ms.clear()
         is_newer = message.time_boot_ms > self._newest_ms.get(message.get_msgId(), -math.inf)
@@ -144,3 +152,7 @@ class OdometryReader:
         yaw_rad = wrap_rad(attitude.yaw + attitude.yawspeed * attitude_age_s)
         at_ned_m = north, east, down
         return Odometry(now_s, at_ned_m, velocity, yaw_rad, self._follows_us, self._pulled_rad)
+
+
+def _is_finite(message: Message) -> bool:
+    return all(math.isfinite(getattr(message, name)) for name in message.fieldnames)

@@ -35,6 +35,8 @@ class Senders:
         """HEARTBEAT.autopilot and .type of each sender."""
         self._discontinuities_s: deque[float] = deque(maxlen=DISCONTINUITIES)
         self._has_same_id = self._has_two_autopilots = False
+        self._not_autopilot: int | None = None
+        """HEARTBEAT.type of a sender with the autopilot's ids that is no autopilot."""
 
     def receive(self, message: Message, now_s: float) -> None:
         """Process a message from any sender."""
@@ -45,6 +47,8 @@ class Senders:
         kind = message.autopilot, message.type
         if source == self._target and self._kinds.get(source, kind) != kind:
             self.note_discontinuity(now_s)
+        if source == self._target and kind[0] == mavlink.MAV_AUTOPILOT_INVALID:
+            self._not_autopilot = kind[1]
         self._kinds[source] = kind
 
     def note_discontinuity(self, now_s: float) -> None:
@@ -59,6 +63,11 @@ class Senders:
     def problem(self) -> str:
         """Reason why a known autopilot is not flown; empty if there is none."""
         system, component = self._ours
+        if self._has_two_autopilots and self._not_autopilot is not None:
+            return (
+                f"{_name('MAV_TYPE', self._not_autopilot)} uses system {system}, component 1, the "
+                "autopilot's: give it ids of its own"
+            )
         if self._has_two_autopilots:
             return (
                 f"two autopilots at {self._url} have system id {system}: "

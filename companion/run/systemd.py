@@ -27,7 +27,8 @@ class Service:
         environment: Mapping[str, str] = os.environ,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._address = environment.get("NOTIFY_SOCKET", "").replace("@", "\0", 1)
+        address = environment.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + address[1:] if address.startswith("@") else address
         timeout_s = int(environment.get("WATCHDOG_USEC", 0)) * 1e-6
         self._feed_period_s = timeout_s / FEEDS_PER_TIMEOUT
         self._clock = clock

@@ -157,3 +157,18 @@ def test_sample_times_follow_a_clock_step(turntable: Turntable, set_s: float) ->
         assert samples
         now_s = turntable._bench.time_s
         assert all(now_s - 0.1 <= time_s <= now_s + 1e-9 for time_s, _ in samples)
+
+
+@pytest.mark.parametrize("until_s", [0.1, 10.0], ids=["once", "once a second"])
+def test_an_imu_message_that_a_ground_station_requested_does_not_silence_the_gyro(
+    until_s: float,
+) -> None:
+    gyro, imu = AutopilotGyro(), Imu(stream(1, "gyro"))
+    counts = []
+    for number in range(1, 500):
+        boot_s = number * IMU_S
+        if boot_s <= until_s and number % 50 == 1:
+            gyro.receive(imu.highres(round(1e6 * boot_s), 0.0), boot_s)
+        gyro.receive(imu.scaled(round(1e3 * boot_s), 0.0), boot_s)
+        counts.append(len(gyro.read(boot_s)))
+    assert sum(counts) > 490

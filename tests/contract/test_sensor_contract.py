@@ -1,7 +1,7 @@
 """Contract of ADS1115 and LSM9DS1 on any bus: in process, served over TCP, or real."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from companion.core.errors import SensorError
 from companion.core.messages import Beam, RangeState
 from companion.drivers.chips.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
+from companion.drivers.wires.bus import Bus, Transaction
 from companion.drivers.wires.opening import open_bus
 from tests.contract.bench import STILL, Bench, make_bench
 from tests.contract.serving import Served
@@ -57,9 +58,25 @@ def test_a_missing_gyro_stops_the_start_with_its_address(bench: Bench) -> None:
         Lsm9ds1(bench.bus, 0x6B)
 
 
-def test_a_wrong_chip_at_the_gyro_address_is_refused(bench: Bench) -> None:
+class Listening:
+    """A bus that keeps what is written to registers."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self.written: list[bytes] = []
+
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        self.written += [t.data for t in transactions if len(t.data) > 1]
+        return self._bus.transfer(transactions)
+
+    def close(self) -> None: ...
+
+
+def test_a_wrong_chip_at_the_gyro_address_is_refused_and_not_written_to(bench: Bench) -> None:
+    bus = Listening(bench.bus)
     with pytest.raises(SensorError, match="no LSM9DS1"):
-        Lsm9ds1(bench.bus, 0x48)
+        Lsm9ds1(bus, 0x48)
+    assert bus.written == []
 
 
 def turned_deg(bench: Bench, gyro: Lsm9ds1, rate_deg_s: float, seconds: float) -> float:

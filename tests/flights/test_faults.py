@@ -26,6 +26,7 @@ from sitl.testing import (
     jump_odometry,
     link_down,
     lose_flow,
+    mute,
     noisy,
     optional,
     other_rates,
@@ -246,6 +247,23 @@ def test_the_autopilots_gyro_is_usable_after_a_restart_and_a_clock_step(
     flight = sitl.fly(small, settings={"sensors.gyro": "autopilot"}, script=events)
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
+
+
+@pytest.mark.parametrize(
+    ("fault", "time_s", "words"),
+    [
+        (unplug("left"), 1, "not ready after 60 s: range sensor failed: left"),
+        (dead_gyro(), 1, "not ready after 60 s: the gyro is silent"),
+        (mute("ATTITUDE"), 1, "not ready after 60 s: it does not send ATTITUDE"),
+        (dead_gyro(), 4, "not armed: the gyro is silent"),
+    ],
+)
+def test_the_drone_does_not_take_off_with_a_fault(
+    sitl: Sitl, small: str, fault: Action, time_s: float, words: str
+) -> None:
+    flight = sitl.fly(small, script=[at(time_s, fault)])
+    assert flight.ending == f"failed: {words}"
+    assert not flight.app.flight.took_off
 
 
 def test_refused_arming_ends_with_the_autopilots_text(sitl: Sitl, small: str) -> None:

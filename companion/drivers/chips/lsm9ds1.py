@@ -75,7 +75,8 @@ class Lsm9ds1:
         self._configured = False
         try:
             found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
-            self._configure()
+            if found == WHO_AM_I:  # nothing is written to another chip
+                self._configure()
         except SensorError:
             raise
         except OSError as error:

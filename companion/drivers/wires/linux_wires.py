@@ -65,12 +65,15 @@ def _open_spi(device: str) -> Any:
 
 
 def _open_port(port: str, baud: int) -> Any:
+    import termios  # noqa: PLC0415 - as the next one
+
     import serial  # noqa: PLC0415 - few drones need it
 
     try:
         return serial.Serial(port, baud, timeout=0, exclusive=True)
-    except OSError as error:  # SerialException is one
+    except (OSError, termios.error) as error:  # SerialException is an OSError, termios' is not
+        words = getattr(error, "strerror", None) or error.args[-1]
         raise SensorError(
-            f"{port}: {error.strerror or error}; check the port's name, enable its UART "
+            f"{port}: {words}; check the port's name, enable its UART "
             "(dtoverlay in config.txt) and add this user to the group dialout"
         ) from error

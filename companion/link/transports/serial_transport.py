@@ -31,7 +31,7 @@ class SerialTransport:
     def __init__(
         self, url: str, system_id: int, component_id: int, signing: Signing | None = None
     ) -> None:
-        _, self._path, baud = url.split(":")
+        self._path, _, baud = url.removeprefix("serial:").rpartition(":")
         self._baud = int(baud)
         self._codec = make_codec(system_id, component_id, signing)
         self._retry_at_s = 0.0

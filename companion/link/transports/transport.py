@@ -62,6 +62,8 @@ def sent_by(message: Message, component_id: int, number: int) -> Message:
     return message
 
 
+FIRST_BYTES = (b"\xfd", b"\xfe")
+"""First byte of a frame of MAVLink 2 and of MAVLink 1."""
 QUIET_S = 0.05
 """Silence after which all datagrams of a tick have arrived, s. Chosen: on one machine they take
 less than 1 ms, but its processor may be busy."""
@@ -83,10 +85,15 @@ def decode(codec: Any, data: bytes) -> list[Message]:
     An incomplete message at the end is discarded; otherwise it would corrupt the next packet.
     """
     messages = decode_stream(codec, data)
+    discard_incomplete(codec)
+    return messages
+
+
+def discard_incomplete(codec: Any) -> None:
+    """Discard the beginning of a message whose end has not arrived."""
     if codec.buf_len():
         codec.buf, codec.buf_index = bytearray(), 0
         codec.expected_length = mavlink.HEADER_LEN_V1 + 2
-    return messages
 
 
 def decode_stream(codec: Any, data: bytes) -> list[Message]:
@@ -101,13 +108,27 @@ def decode_stream(codec: Any, data: bytes) -> list[Message]:
     ]
 
 
+def _remedy(error: OSError | OverflowError | UnicodeError, host: str) -> str:
+    """Remedy for a UDP address that cannot be used."""
+    if isinstance(error, OverflowError):
+        return "choose a port up to 65535"
+    if isinstance(error, socket.gaierror | UnicodeError):
+        return f"is the network up, and {host} the right name? write its IP address"
+    if error.errno == errno.EADDRNOTAVAIL:
+        return f"{host} is no address of this computer: write 0.0.0.0, or udpout to send there"
+    if error.errno == errno.EACCES:
+        return "choose a port from 1024 on"
+    return "is another program using it? choose another port"
+
+
 class UdpTransport:
     """MAVLink in datagrams.
 
     "udpin:HOST:PORT" waits for a peer; "udpout:HOST:PORT" sends first. With udpin, port 0 selects
     a free port.
 
-    Only messages of the link's peer are accepted; see `peers`.
+    Only messages of the link's peer are accepted; see `peers`. A bridge from a serial port to UDP
+    may divide a message between two datagrams.
 
     Raises:
         LinkError: the address cannot be used.
@@ -124,6 +145,7 @@ class UdpTransport:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._waiting: list[Message] = []
+        self._last_sender: Address | None = None
         self.messages_dropped = 0
         """Messages that the kernel had no buffer or no route for."""
         try:
@@ -133,10 +155,9 @@ class UdpTransport:
             else:
                 self._socket.bind(("", 0))
                 self._peers = Peers((socket.gethostbyname(host), int(port)))
-        except (OSError, OverflowError) as error:
+        except (OSError, OverflowError, UnicodeError) as error:
             self._socket.close()
-            remedy = "is another program using it? choose another port"
-            raise LinkError(f"{url}: {error}; {remedy}") from error
+            raise LinkError(f"{url}: {error}; {_remedy(error, host)}") from error
 
     @property
     def local_port(self) -> int:
@@ -171,7 +192,7 @@ class UdpTransport:
 
     def _drain(self) -> None:
         """Receive all that has arrived; the peer may stand behind others in the queue."""
-        arrived = [(sender, decode(self._codec, data)) for sender, data in self._datagrams()]
+        arrived = [(sender, self._decode(sender, data)) for sender, data in self._datagrams()]
         heard = [(sender, messages) for sender, messages in arrived if messages]
         self._peers.hear([sender for sender, _ in heard], time.monotonic())
         peer = self._peers.peer
@@ -179,6 +200,13 @@ class UdpTransport:
             if sender == peer.address:
                 peer.datagrams_received += 1
                 self._waiting += messages
+
+    def _decode(self, sender: Address, data: bytes) -> list[Message]:
+        """Complete messages; this datagram may continue the one before of the same sender."""
+        if sender != self._last_sender or data[:1] in FIRST_BYTES:
+            discard_incomplete(self._codec)
+        self._last_sender = sender
+        return decode_stream(self._codec, data)
 
     def _datagrams(self) -> Iterator[tuple[Address, bytes]]:
         while True:

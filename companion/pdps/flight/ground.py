@@ -84,9 +84,10 @@ def connect(
 def prepare(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    """PREPARE: waits for the estimate, the gyro, teammates and, with a script, the order."""
+    """PREPARE: waits for the estimate, the sensors, teammates and, with a script, the order."""
     vehicle, is_free = view.vehicle, view.around.is_column_free
-    if vehicle.estimate_ready and view.gyro_at_rest and not view.starved and is_free:
+    is_sound = view.gyro_at_rest and view.fault is None and not view.starved
+    if vehicle.estimate_ready and is_sound and is_free:
         if view.order is None:
             return _ask_for_mode(flight, view, plan), NOTHING
         if view.order.task is Task.TAKE_OFF:
@@ -96,6 +97,7 @@ def prepare(
     if age_s(flight, view) > PREPARE_TIMEOUT_S:
         no_estimate = vehicle.waits_for or "no position estimate"
         missing = "the gyro is not at rest" if is_free else "a teammate flies above the pad"
+        missing = view.fault.text if view.fault is not None else missing
         missing = missing if vehicle.estimate_ready else no_estimate
         trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {view.starved or missing}"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
@@ -123,11 +125,16 @@ def offboard(
 def arm(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    """ARM: requests arming."""
+    """ARM: requests arming, while there is no fault."""
     if view.vehicle.armed:
         began = replace(flight, began_s=view.time_s)
         return go(began, Phase.TAKE_OFF, view), FlightAction(HOLD)
-    return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
+    asked, action = _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
+    if view.fault is None:
+        return asked, action
+    if asked.phase is Phase.FAILED:
+        return replace(asked, trouble=f"not armed: {view.fault.text}"), NOTHING
+    return asked, replace(action, command=None)
 
 
 def take_off(

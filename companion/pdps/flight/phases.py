@@ -30,7 +30,7 @@
     OFFBOARD, ARM:                 another party changes the mode       ─► HANDED_OVER
     LAND:                          any mode but ours and LAND           ─► HANDED_OVER
     before take-off:               timeout: no autopilot, no estimate,
-                                   arming refused                       ─► FAILED
+                                   a fault, arming refused              ─► FAILED
 
 Safety:
 

@@ -84,7 +84,7 @@ def _step(last: Odometry, report: Odometry) -> tuple[float, float, float]:
 
 def _is_plausible(report: Odometry) -> bool:
     speed_m_s = math.hypot(*report.velocity_ned_m_s)
-    is_finite = all(map(math.isfinite, (*report.position_ned_m, report.yaw_rad)))
+    is_finite = all(map(math.isfinite, (*report.position_ned_m, report.yaw_rad, report.pulled_rad)))
     return is_finite and speed_m_s <= MAX_SPEED_M_S  # false for NaN too
 
 

@@ -53,3 +53,28 @@ def test_invalid_bounds_are_replaced_by_those_of_the_configuration(
     assert state(300, min_cm, max_cm) is RangeState.DISTANCE
     assert state(10, min_cm, max_cm) is RangeState.TOO_NEAR
     assert state(900, min_cm, max_cm) is RangeState.NOTHING
+
+
+def message_of(sensor_id: int, current_cm: int) -> mavlink.MAVLink_distance_sensor_message:
+    kind = mavlink.MAV_DISTANCE_SENSOR_LASER
+    return mavlink.MAVLink_distance_sensor_message(0, 20, 800, current_cm, kind, sensor_id, 0, 0)
+
+
+def test_of_two_sensors_in_one_direction_the_lowest_id_is_read() -> None:
+    """ArduPilot sends a rangefinder again as proximity, with id 10."""
+    sensors = AutopilotRanges({Beam.FRONT: AutopilotRange(min_m=0.2, max_m=8.0)})
+    sensors.receive(message_of(10, 500), 0.0)
+    for tick in range(1, 100):
+        sensors.receive(message_of(0, 300), 0.05 * tick)
+        sensors.receive(message_of(10, 500), 0.05 * tick)
+        assert sensors.read(0.05 * tick)[Beam.FRONT].distance_m == 3.0
+
+
+def test_a_sensor_that_has_failed_is_not_replaced_before_the_landing() -> None:
+    sensors = AutopilotRanges({Beam.FRONT: AutopilotRange(min_m=0.2, max_m=8.0)})
+    sensors.receive(message_of(0, 300), 0.0)
+    for tick in range(1, 60):
+        sensors.receive(message_of(10, 500), 0.05 * tick)
+    assert Beam.FRONT not in sensors.read(3.0)
+    sensors.receive(message_of(10, 500), 6.0)  # a restarted autopilot numbers them anew
+    assert sensors.read(6.0)[Beam.FRONT].distance_m == 5.0

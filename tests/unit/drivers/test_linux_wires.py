@@ -1,6 +1,7 @@
 """SPI and serial ports of a Linux machine on simulated devices: first use and reconnection."""
 
 import sys
+import termios
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -90,6 +91,19 @@ def test_a_reconnected_port_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_missing_port_is_an_error_with_the_remedy() -> None:
     Port.is_connected = False
     with pytest.raises(SensorError, match="dialout"):
+        open_bus("/dev/i2c-99").receive("/dev/ttyUSB0", 115200)
+
+
+def test_a_port_that_is_unplugged_while_it_is_opened_is_an_error_of_the_sensor(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Pyserial passes the error of tcsetattr(), which is no OSError; in flight it ended all."""
+
+    def unplugged(port: str, baud: int, **kwargs: object) -> None:
+        raise termios.error(5, "Input/output error")
+
+    monkeypatch.setattr(serial, "Serial", unplugged)
+    with pytest.raises(SensorError, match=r"ttyUSB0.*Input/output"):
         open_bus("/dev/i2c-99").receive("/dev/ttyUSB0", 115200)
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, CommandKind, LandedState, Setpoint
 from companion.link.link import Link
-from companion.link.transports.transport import pipe_pair
+from companion.link.transports.transport import Message, pipe_pair
 from sitl.autopilot.core import Autopilot
 from tests.unit.link.scripted_vehicle import (
     TICK_S,
@@ -80,6 +80,35 @@ def test_late_and_repeated_messages_give_no_odometry(vehicle: Vehicle) -> None:
     assert vehicle.sends(attitude(200), position(200)).odometry is None
 
 
+@pytest.mark.parametrize(
+    "broken",
+    [attitude(1040, math.nan), position(1040, math.nan), position(1040, math.inf)],
+    ids=["heading", "position", "infinite"],
+)
+def test_a_message_that_is_not_a_number_is_as_if_not_sent(broken: Message) -> None:
+    """PX4 sends NaN for what its estimator does not know; one such message must not last."""
+    vehicle = Vehicle()
+    vehicle.now_s = 1.0
+    vehicle.sends(heartbeat(), attitude(1000), position(1000))
+    vehicle.sends(broken)
+    vehicle.now_s = 1.1
+    odometry = vehicle.sends(attitude(1080), position(1080), attitude(1100)).odometry
+    assert odometry is not None
+    values = (*odometry.position_ned_m, odometry.yaw_rad, odometry.pulled_rad)
+    assert all(map(math.isfinite, values))
+
+
+def test_a_heartbeat_of_a_ground_station_with_the_ids_of_the_autopilot_changes_no_mode(
+    vehicle: Vehicle,
+) -> None:
+    vehicle.sends(heartbeat(4, armed=True))
+    station = mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+    )
+    state = vehicle.sends(station).vehicle
+    assert (state.mode, state.armed, state.left_offboard) == ("GUIDED", True, False)
+
+
 def test_a_pause_before_reading_drops_one_odometry(vehicle: Vehicle) -> None:
     """Messages received during the pause are newer than the last reading of our clock."""
     vehicle.sends(heartbeat())
@@ -121,6 +150,17 @@ def test_chunks_of_a_long_text_are_joined(vehicle: Vehicle) -> None:
 def test_landed_state_is_decoded(vehicle: Vehicle, value: int, state: LandedState) -> None:
     message = mavlink.MAVLink_extended_sys_state_message(0, value)
     assert vehicle.sends(heartbeat(), message).vehicle.landed_state is state
+
+
+def test_one_wrong_report_of_the_battery_does_not_count(vehicle: Vehicle) -> None:
+    def battery(percent: int) -> float | None:
+        status = mavlink.MAVLink_sys_status_message(*(0,) * 5, -1, percent, *(0,) * 6)
+        return vehicle.sends(status).vehicle.battery
+
+    vehicle.sends(heartbeat())
+    assert [battery(percent) for percent in (60, 0, 0, 59)] == [0.6] * 3 + [0.59]
+    assert battery(-1) is None
+    assert [battery(percent) for percent in (10, 10, 10)][-1] == 0.1
 
 
 def test_silence_is_infinite_before_the_first_message(vehicle: Vehicle) -> None:

@@ -7,6 +7,7 @@ from companion.config.settings import LinkConfig
 from companion.link.transports.transport import Message, sent_by
 from tests.unit.link.scripted_vehicle import (
     Vehicle,
+    attitude,
     heartbeat,
     landed_state,
     position,
@@ -23,8 +24,9 @@ def test_estimate_is_ready_with_flags_position_timeout_and_landed_state(vehicle:
     timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 65535)
     assert not vehicle.sends(heartbeat(), report(167)).vehicle.estimate_ready
     assert not vehicle.sends(report(895)).vehicle.estimate_ready
-    assert not vehicle.sends(position(1)).vehicle.estimate_ready
-    state = vehicle.sends(timeout).vehicle
+    assert not vehicle.sends(position(1), timeout, landed_state(0)).vehicle.estimate_ready
+    assert vehicle.link.poll(0.0).vehicle.waits_for == "it does not send ATTITUDE"
+    state = vehicle.sends(attitude(1)).vehicle
     assert not state.estimate_ready
     assert "whether it has landed (EXTENDED_SYS_STATE)" in state.waits_for
     assert vehicle.sends(landed_state(1)).vehicle.estimate_ready
@@ -56,7 +58,7 @@ def test_px4_estimate_is_ready_at_rest_but_not_without_position_or_velocity(
     vehicle = Vehicle()
     timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
     action = px4_parameter(b"COM_OBL_RC_ACT", 4)
-    vehicle.sends(px4_heartbeat(), position(1), landed_state(1))
+    vehicle.sends(px4_heartbeat(), position(1), attitude(1), landed_state(1))
     state = vehicle.sends(timeout, action, px4_estimate(flags)).vehicle
     assert state.estimate_ready == (not complaint)
     assert complaint in state.waits_for
@@ -87,7 +89,7 @@ class PoseVehicle(Vehicle):
                 mavlink.MAVLink_param_value_message(name.encode(), value, 2, 1, 0)
                 for name, value in parameters.items()
             ]
-        self.sends(position(1), landed_state(1), *reports)
+        self.sends(position(1), attitude(1), landed_state(1), *reports)
 
     @property
     def waits_for(self) -> str:
@@ -165,7 +167,7 @@ def ready_but_for_the_pilot(mode: int) -> Vehicle:
     vehicle = Vehicle(needs_pilot=True)
     timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 65535)
     estimate = mavlink.MAVLink_ekf_status_report_message(895, 0, 0, 0, 0, 0)
-    vehicle.sends(heartbeat(mode), position(1), timeout, landed_state(1), estimate)
+    vehicle.sends(heartbeat(mode), position(1), attitude(1), timeout, landed_state(1), estimate)
     return vehicle
 
 

@@ -134,6 +134,14 @@ def test_two_different_autopilots_with_one_system_id_are_reported(other: Message
     assert "system id" in vehicle.unfit
 
 
+def test_a_ground_station_with_the_ids_of_the_autopilot_is_reported() -> None:
+    air = Air()
+    for _ in range(3):
+        air.deliver(beat())
+        vehicle = air.deliver(beat(NONE, GCS))
+    assert "GCS uses system 1, component 1, the autopilot's" in vehicle.unfit
+
+
 def test_two_autopilots_of_one_kind_are_distinguished_by_their_clocks() -> None:
     air = Air()
     air.deliver(beat())

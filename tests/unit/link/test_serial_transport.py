@@ -137,6 +137,22 @@ def test_a_port_missing_at_start_is_refused_with_the_remedy() -> None:
         opened(port)
 
 
+def test_a_port_is_opened_by_its_path_which_may_contain_colons(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    by_path = "/dev/serial/by-path/platform-fd500000.pcie-pci-0000:01:00.0-usb-0:1.2:1.0-port0"
+    config = LinkConfig(url=f"serial:{by_path}:57600")
+    asked: list[tuple[str, int]] = []
+
+    def open_(path: str, baud: int) -> Port:
+        asked.append((path, baud))
+        return Port()
+
+    monkeypatch.setattr("companion.link.transports.uart.Uart", open_)
+    SerialTransport(config.url, 1, 191)
+    assert asked == [(config.serial_port, 57600)] == [(by_path, 57600)]
+
+
 # A port that accepts no bytes, or too few
 
 TICK_S = 0.05

@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
@@ -194,6 +195,33 @@ def test_a_peer_behind_strangers_in_the_queue_is_heard_after_a_long_pause(
     assert autopilot.peer_port == companion.local_port
 
 
+@given(st.lists(st.integers(1, 200), min_size=1, max_size=8))
+def test_messages_divided_between_datagrams_are_complete(cuts: list[int]) -> None:
+    """Bridges from a serial port to UDP send what they have, whole messages or not."""
+    codec = transport.make_codec(1, 1)
+    sent = [mavlink.MAVLink_local_position_ned_message(ms, *(1.5,) * 6) for ms in range(1, 7)]
+    data = b"".join(transport.frame(codec, message) for message in sent)
+    ends = sorted(cut for cut in {*cuts} if data[cut] not in b"\xfd\xfe")  # as a new frame
+    companion = UdpTransport("udpin:127.0.0.1:0", 1, 191)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bridge:
+        for start, end in pairwise([0, *ends, len(data)]):
+            bridge.sendto(data[start:end], ("127.0.0.1", companion.local_port))
+        received = [message.time_boot_ms for message in companion.receive()]
+    companion.close()
+    assert received == [message.time_boot_ms for message in sent]
+
+
+def test_a_lost_end_of_a_message_costs_no_other_message(udp_pair: UdpPair) -> None:
+    autopilot, companion = udp_pair
+    companion.send(heartbeat())
+    autopilot.await_datagrams(1, 2.0)
+    autopilot.receive()
+    companion._socket.sendto(b"\xfd\x09\x00\x00", ("127.0.0.1", autopilot.local_port))
+    companion.send(heartbeat())
+    autopilot.await_datagrams(2, 2.0)
+    assert [m.get_type() for m in autopilot.receive()] == ["HEARTBEAT"]
+
+
 def test_a_closed_peer_causes_no_error(udp_pair: UdpPair) -> None:
     autopilot, companion = udp_pair
     autopilot.close()
@@ -206,6 +234,19 @@ def test_a_port_in_use_is_refused_with_its_url(udp_pair: UdpPair) -> None:
     autopilot, _ = udp_pair
     url = f"udpin:127.0.0.1:{autopilot.local_port}"
     with pytest.raises(LinkError, match=url):
+        UdpTransport(url, 1, 191)
+
+
+@pytest.mark.parametrize(
+    ("url", "remedy"),
+    [
+        ("udpin:192.0.2.1:14550", "no address of this computer: write 0.0.0.0"),
+        ("udpout:drone..local:14550", "drone..local the right name"),
+        ("udpin:127.0.0.1:99999", "a port up to 65535"),
+    ],
+)
+def test_a_wrong_address_is_refused_with_its_remedy(url: str, remedy: str) -> None:
+    with pytest.raises(LinkError, match=remedy):
         UdpTransport(url, 1, 191)
 
 

@@ -1,6 +1,7 @@
 """Messages of a flight to systemd."""
 
 import errno
+import os
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -60,6 +61,18 @@ def test_a_systemd_that_does_not_read_does_not_block_the_loop(
 def test_the_watchdog_timeout_is_extended_for_the_last_smoothing(systemd: socket.socket) -> None:
     Service({"NOTIFY_SOCKET": systemd.getsockname()}).landed()
     assert "WATCHDOG_USEC=120000000" in received(systemd)
+
+
+@pytest.mark.parametrize("abstract", [True, False])
+def test_a_socket_in_the_abstract_namespace_is_told_from_a_path_with_an_at_sign(
+    tmp_path: Path, *, abstract: bool
+) -> None:
+    name = f"@pdps-{os.getpid()}" if abstract else str(tmp_path / "notify@1")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(f"\0{name[1:]}" if abstract else name)
+        systemd.setblocking(False)
+        Service({"NOTIFY_SOCKET": name}).alive("scanning")
+        assert received(systemd) == ["READY=1", "STATUS=scanning"]
 
 
 def test_a_missing_or_dead_systemd_does_not_end_the_flight(tmp_path: Path) -> None:
