@@ -15,6 +15,11 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def peak_of_children_mb() -> float:
+    """Largest memory of any process that this one has started and that has ended, MB."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+
+
 def in_own_process(run: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     """Call a function in a new process, whose `peak_mb` is then that of the function alone."""
     spawned = multiprocessing.get_context("spawn")

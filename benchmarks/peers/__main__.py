@@ -24,7 +24,7 @@ import numpy as np
 
 from benchmarks.measured import in_own_process
 from benchmarks.peers import kiss, mrpt, rawlog
-from benchmarks.peers.flight import LIDAR_BEAMS, LIDAR_MAX_M, PeerFlight, fly
+from benchmarks.peers.flight import LIDAR_BEAMS, LIDAR_MAX_M, PeerFlight, companion_mb, fly
 from benchmarks.peers.mrpt import Estimated, PeerError
 from benchmarks.peers.pictures import map_pictures
 from companion.core.arrays import Array
@@ -67,10 +67,11 @@ def main() -> None:
     for world, mission in WORLDS.items():
         for seed in range(1, given.seeds + 1):
             began_s = time.monotonic()
-            flight = in_own_process(fly, world, seed, mission)
+            flight = fly(world, seed, mission)
+            own_mb = in_own_process(companion_mb, world, seed, mission)
             folder = given.out / f"{world}_{seed}"
             folder.mkdir(exist_ok=True)
-            those = list(scored_methods(flight, folder))
+            those = list(scored_methods(flight, own_mb, folder))
             save_as(partial(_draw, flight, f"{world}, seed {seed}"), those, folder / "maps.png")
             scores.setdefault(world, []).extend(those)
             print(f"{world} {seed}: {time.monotonic() - began_s:.0f} s", flush=True)
@@ -84,11 +85,11 @@ def _draw(flight: PeerFlight, title: str, those: list[Scored], path: Path) -> No
     map_pictures(flight.surfaces, panels, title, path)
 
 
-def scored_methods(flight: PeerFlight, folder: Path) -> Iterator[Scored]:
-    """All methods on one flight."""
+def scored_methods(flight: PeerFlight, own_mb: float, folder: Path) -> Iterator[Scored]:
+    """All methods on one flight; `own_mb`: memory of the companion, MB."""
     yield scored(flight, "odometry and gyro", "none", Estimated(_poses(flight.odometry), 0.0, 0.0))
     yield scored(flight, "ideal solver", "our beams", Estimated(_poses(flight.ideal), 0.0, 0.0))
-    own = Estimated(_poses(flight.plan), flight.cpu_s, flight.memory_mb)
+    own = Estimated(_poses(flight.plan), flight.cpu_s, own_mb)
     yield scored(flight, "this project", "our beams", own)
     odometry = _poses(flight.odometry)
     lidar, beams = folder / "lidar.rawlog", folder / "beams.rawlog"
@@ -104,9 +105,7 @@ def scored_methods(flight: PeerFlight, folder: Path) -> Iterator[Scored]:
             run = partial(mrpt.estimated, program, log, keyframes)
             yield from _tried(flight, program.title, sensors, run)
     if not kiss.missing():
-        yield from _tried(
-            flight, "KISS-ICP", "LIDAR", partial(in_own_process, kiss.estimated, flight.lidar_m)
-        )
+        yield from _tried(flight, "KISS-ICP", "LIDAR", partial(kiss.estimated, flight.lidar_m))
 
 
 def _tried(

@@ -5,12 +5,14 @@ at one instant; those of a real one are distorted by motion.
 """
 
 import math
+import tempfile
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured import peak_mb
+from benchmarks.measured import peak_of_children_mb
 from companion.config import settings as configuration
 from companion.core.arrays import Array
 from companion.core.messages import FloorPlan
@@ -25,6 +27,8 @@ from sitl.bench.references import (
     range_m,
     to_local,
 )
+from sitl.campaign.flight import CampaignFlight
+from sitl.running.processes import fly_in_two_processes
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup
@@ -50,8 +54,6 @@ class PeerFlight:
     """Our own map and path."""
     cpu_s: float
     """Processor time of the companion in flight, s, without the map after landing."""
-    memory_mb: float
-    """Peak memory of a process that only flies and maps, with the simulator in it, MB."""
     times_s: Array
     """(k,)."""
     lidar_m: Array
@@ -85,7 +87,7 @@ class PeerFlight:
 
 
 def fly(world: str, seed: int, mission: str) -> PeerFlight:
-    """Fly one mission with the reference noise; the memory is that of the process so far."""
+    """Fly one mission with the reference noise."""
     settings = configuration.load(None, {"mission.kind": mission})
     setup = Setup(load_world(world), world, seed, settings.sensors)
     apps: list[TimedApp] = []
@@ -96,7 +98,7 @@ def fly(world: str, seed: int, mission: str) -> PeerFlight:
 
     app, simulation = fly_in_lockstep(setup, settings, lambda _: None, make_app=make_app)
     assert app.estimator is not None
-    plan, memory_mb = app.final_floor_plan(), peak_mb()
+    plan = app.final_floor_plan()
     record = app.estimator.record
     times_s = record.frames[:, FrameColumn.TIME_S].copy()
     surfaces = tuple(wall_surfaces(setup.world, settings.mission.height_m))
@@ -112,11 +114,23 @@ def fly(world: str, seed: int, mission: str) -> PeerFlight:
         Recorded(record, app.estimator.models),
         plan,
         sum(apps[0].update_s),
-        memory_mb,
         times_s,
         clean_m + noise_m,
         clean_m,
     )
+
+
+def companion_mb(world: str, seed: int, mission: str) -> float:
+    """Peak memory of the companion in such a flight and its map, MB; call it in a new process.
+
+    The companion is the larger one of the flight's two processes.
+    """
+    job = CampaignFlight({"world": world, "seed": seed, "mission": mission}).job()
+    _, settings, _ = job.prepared()
+    with tempfile.TemporaryDirectory() as folder:
+        arguments = [*job.options.arguments(), "--speed=1000"]
+        fly_in_two_processes(arguments, settings, Path(folder), quiet=True)
+    return peak_of_children_mb()
 
 
 def scans(surfaces: Array, poses: Array) -> Array:
