@@ -15,7 +15,7 @@ from sitl.bench.engine import Crew, run_all
 from sitl.campaign.flight import CampaignFlight, fly, lost
 from sitl.campaign.scores import Row
 
-FLIGHTS, ROUNDS = 6, 3
+FLIGHTS, ROUNDS = 6, 7
 JOBS, JOB_S, EVERY = 10_000, 0.010, 1000
 MB = 1e6
 

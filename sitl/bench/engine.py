@@ -64,6 +64,9 @@ LOCAL = {
     "distributed.worker.memory.terminate": False,
     # nobody reads the profile, for which a thread takes a sample every 10 ms
     "distributed.worker.profile.enabled": False,
+    # each tick and each sample of the monitor requests the lock of the interpreter from the flight
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
 }
 """Dask's settings for workers on this machine."""
 REASONS = "pdps-reasons"

@@ -73,6 +73,8 @@ def test_workers_of_a_scheduler_give_the_same_results_unless_their_version_diffe
 def test_a_scheduler_that_is_killed_is_told_with_the_remedy(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    crew = Crew(scheduler=cluster.address)
+    run_all(range(1), lambda _: None, work, lose, crew)  # the workers have started
     monkeypatch.setattr(engine, "CONNECTS_S", 3.0)
     came: list[Result] = []
 
@@ -81,7 +83,7 @@ def test_a_scheduler_that_is_killed_is_told_with_the_remedy(
         cluster.scheduler.kill()
 
     with pytest.raises(CampaignError, match="the scheduler has ended; start it again"):
-        run_all(range(2000), kill_it, work, lose, Crew(scheduler=cluster.address))
+        run_all(range(2000), kill_it, work, lose, crew)
     assert came
 
 
