@@ -21,7 +21,7 @@ def peak_of_children_mb() -> float:
 
 
 def in_own_process(run: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Call a function in a new process, whose `peak_mb` is then that of the function alone."""
+    """Call a function in a new process, whose memory and children are those of the call alone."""
     spawned = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=spawned) as pool:
         return pool.submit(run, *args, **kwargs).result()

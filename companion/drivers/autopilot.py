@@ -3,8 +3,8 @@
 The orientation field determines the beam. The link passes the messages.
 
 Several sensors may have one orientation: an ArduPilot with PRX1_TYPE 4 sends each rangefinder again
-as proximity, with id 10 and above, after its own processing. Of those only the sensor
-with the lowest id is read.
+as proximity, after its own processing, with id 10 and above (`PROXIMITY_SENSOR_ID_START` in its
+AP_Proximity.h). Of those only the sensor with the lowest id is read.
 """
 
 from collections.abc import Mapping
