@@ -256,7 +256,7 @@ class App:
                 around.is_among_legs,
                 around.legs,
                 around.is_gap_doubtful,
-                **(self.team.view(now_s, self._own) if self.team else {}),
+                **(self.team.view(pose, self._own) if self.team else {}),
             ),
             space=self._obstructed(pose, around),
             floor=self.heights,

@@ -48,6 +48,14 @@ def moved(ne_m: Vector2, body_m: Vector2, yaw_rad: float) -> Vector2:
     return ne_m[0] + north_m, ne_m[1] + east_m
 
 
+def segment_distance_m(place: Vector2, start: Vector2, end: Vector2) -> float:
+    """Distance from a place to the nearest point of a segment, m."""
+    north_m, east_m = end[0] - start[0], end[1] - start[1]
+    off_m = (place[0] - start[0]) * north_m + (place[1] - start[1]) * east_m
+    share = min(max(off_m / max(north_m**2 + east_m**2, 1e-12), 0.0), 1.0)
+    return math.dist(place, (start[0] + share * north_m, start[1] + share * east_m))
+
+
 def along(origin_ne_m: Vector2, bearing_rad: float, range_m: float) -> Vector2:
     """The end (north, east) of a beam."""
     return (

@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import dijkstra
 from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.safety.separation import KeepOut
 
 START_NE_M: Vector2 = (0.0, 0.0)
 """The place of take-off, origin of the local NED frame, m."""
@@ -43,6 +44,9 @@ CLOSE_COST = 4.0
 """Cost of a metre at the minimum clearance, on the same scale. Chosen."""
 AMPLE_M = 0.9
 """Clearance above which more clearance does not justify a detour, m. Chosen."""
+WAIT_COST = 12.0
+"""Cost of a metre near a teammate with the right of way, on the same scale. Chosen: as in a narrow
+place. To pass through its place costs as much as to wait 30 s for it to leave."""
 OPEN_M = 0.5
 """Distance beyond the clearance from which a cell counts as open, m. Chosen."""
 
@@ -61,6 +65,8 @@ class CostGrid:
     """Distance to the nearest obstacle or unknown cell, m."""
     cost: Array
     """Cost of a metre through each cell; infinite where the drone does not fit."""
+    kept_out: Mask
+    """True near a teammate with the right of way."""
 
     def fits(self, place_ne_m: Vector2) -> bool:
         """True if the drone fits at a place."""
@@ -104,7 +110,8 @@ class ShortestPaths:
             flat = before
             cells.append(divmod(flat, self.metres.shape[1]))
         cells.reverse()
-        corners = _straightened(cells, np.where(self.ground.passable, self.ground.room_m, 0.0))
+        is_open = self.ground.passable & ~self.ground.kept_out
+        corners = _straightened(cells, np.where(is_open, self.ground.room_m, 0.0))
         return (*(self.ground.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
 
     def length_m(self, way: tuple[Vector2, ...]) -> float:
@@ -138,7 +145,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid
     crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
-    return CostGrid(grid, (row, column), passable, room, cost)
+    return CostGrid(grid, (row, column), passable, room, cost, np.zeros_like(passable))
 
 
 def _deep_m(grid: Occupancy, roomy: Mask) -> Array:
@@ -169,6 +176,20 @@ def retraced(ground: CostGrid) -> CostGrid:
     again: Mask = binary_dilation(ground.grid.flown) & ~ground.passable
     cost = np.where(again, RETRACED_COST, ground.cost)
     return replace(ground, passable=ground.passable | again, cost=cost)
+
+
+def with_kept_out(ground: CostGrid, keep_outs: Sequence[KeepOut]) -> CostGrid:
+    """The cost grid with the places of teammates that have the right of way.
+
+    A path leads round them if it can. Otherwise the drone waits there until they have left.
+    """
+    kept_out = ground.kept_out.copy()
+    for each in keep_outs:
+        row, column = ground.grid.cell(each.ne_m)
+        rows, columns = np.ogrid[: kept_out.shape[0], : kept_out.shape[1]]
+        kept_out |= np.hypot(rows - row, columns - column) * CELL_M < each.radius_m
+    cost = np.where(kept_out, np.maximum(ground.cost, WAIT_COST), ground.cost)
+    return replace(ground, cost=cost, kept_out=kept_out)
 
 
 def find_ways(ground: CostGrid) -> ShortestPaths:

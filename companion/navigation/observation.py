@@ -17,6 +17,7 @@ from companion.core.messages import (
 )
 from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
+from companion.safety.separation import KeepOut
 from companion.safety.swept_space import Lane, all_swept
 
 
@@ -128,6 +129,8 @@ class Observation:
     """Teammates that trace the same room."""
     doorway_claims: tuple[DoorwayClaim, ...] = ()
     """Doorways of the teammates at the same height."""
+    keep_outs: tuple[KeepOut, ...] = ()
+    """Teammates near the drone round which its path leads."""
     goes_home: bool = False
     """True in a team if this drone has no part of the mission any more."""
     waits_for_radio: bool = False

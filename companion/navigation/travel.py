@@ -20,6 +20,7 @@ again
 
 - if it is not free any more,
 - every `PLAN_S`, because there may be a shorter path,
+- if a teammate near the drone has the right of way on it,
 - if it passes a doorway, after each step of the pose, because the step moves the map.
 
 The drone waits for a person who stands on the path. After a while the map contains the person; then
@@ -32,11 +33,12 @@ where clearance is small, and stops before any obstacle that appears ahead.
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from companion.config.settings import MissionConfig
-from companion.core.frames import Vector2
+from companion.core.frames import Vector2, segment_distance_m
 from companion.core.messages import HOLD, Setpoint
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation import sweep as sweeping
@@ -66,6 +68,7 @@ from companion.navigation.grid_planner import (
     find_ground,
     find_ways,
     retraced,
+    with_kept_out,
 )
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M, Way, faced, follow, is_blocked, passed
@@ -158,6 +161,7 @@ def _must_plan(
     if _passes_doorway(travel, observation):
         return False
     is_due = now_s - travel.planned_s > PLAN_S or (has_stepped and bool(travel.doorways))
+    is_due = is_due or _is_kept_out(travel.way, observation)
     return is_due or not _is_free(travel.way, observation, space)
 
 
@@ -171,6 +175,16 @@ def _is_free(way: Way, observation: Observation, space: Occupancy) -> bool:
             return False
         start = corner
     return bool(way)
+
+
+def _is_kept_out(way: Way, observation: Observation) -> bool:
+    """True if the path leads through the place of a teammate with the right of way."""
+    corners = (observation.pose.ne_m, *way)
+    return any(
+        segment_distance_m(each.ne_m, start, end) < each.radius_m
+        for each in observation.keep_outs
+        for start, end in pairwise(corners)
+    )
 
 
 def in_the_open(observation: Observation, space: Occupancy) -> bool:
@@ -210,7 +224,7 @@ def _planned(
     now_s = observation.pose.time_s
     here = observation.pose.ne_m
     gets_on = not _is_stuck(travel, now_s)
-    ways = _ways(travel, here, space, plan)
+    ways = _ways(travel, observation, space, plan)
     if gets_on and ways.reaches(travel.goal_ne_m):
         return along(ways, travel, observation)
     if gets_on and travel.way:  # a person who stands there may leave
@@ -242,7 +256,7 @@ def _another_way(
         progress_s=observation.pose.time_s,
     )
     may_go_round = doorway is not None or travel.goes_home
-    if may_go_round and (ways := _ways(travel, here, space, plan)).reaches(travel.goal_ne_m):
+    if may_go_round and (ways := _ways(travel, observation, space, plan)).reaches(travel.goal_ne_m):
         return along(ways, travel, observation)
     return replace(travel, phase=TravelPhase.GAVE_UP)
 
@@ -262,21 +276,24 @@ def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
     return Doorway(0, middle, unit, AHEAD_M)
 
 
-def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> ShortestPaths:
-    """Shortest paths from `here`: within a window round the old path if one reaches the goal there.
+def _ways(
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> ShortestPaths:
+    """Shortest paths, within a window round the old path if one reaches the goal there.
 
     They avoid doorways that are too narrow, except on the way home. If there is no path to the
     start, even after a turn all round, they include all flown cells. The drone still stops before
     real obstacles there.
     """
-    clear_m = clear_of_all_m(plan)
+    here, clear_m = observation.pose.ne_m, clear_of_all_m(plan)
     narrow = () if travel.goes_home else too_narrow(travel.known, space)
     shut = (*travel.shut, *narrow)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
-    ways = find_ways(with_shut(find_ground(nearby, here, clear_m), shut))
+    ground = with_kept_out(find_ground(nearby, here, clear_m), observation.keep_outs)
+    ways = find_ways(with_shut(ground, shut))
     if ways.reaches(travel.goal_ne_m):
         return ways
-    ground = find_ground(space, here, clear_m)
+    ground = with_kept_out(find_ground(space, here, clear_m), observation.keep_outs)
     ways = find_ways(with_shut(ground, shut))
     if ways.reaches(travel.goal_ne_m) or not travel.goes_home or not travel.looked_round:
         return ways

@@ -4,7 +4,8 @@ All fly at the height of the mission, so that all fit under the lintels of doors
 one has the right of way. The other climbs on the spot, if the ceiling allows it, and lets the first
 pass below. Until they are far enough apart in height, both keep apart horizontally: the one with
 the right of way at a distance at which both are safe, the other at a larger one, so that only it
-turns aside. A drone that takes off, descends or lands has the right of way over all others.
+turns aside. Its path leads round the one with the right of way. A drone that takes off, descends or
+lands has the right of way over all others.
 """
 
 import math
@@ -39,6 +40,9 @@ without, m. Chosen: the bodies are 0.5 m apart at the first."""
 PASS_WITHIN_M, PASSED_AT_M = 0.2, 0.8
 """A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
 and descends again beyond the second, m. Chosen."""
+ROUND_WITHIN_M = 4.0
+"""A path leads round a teammate that is nearer than this, m. Chosen: one farther away has moved
+until the drone is there, and it is beyond the stopping distance of both."""
 MASK_M = 0.15
 """A beam that passes a teammate's body within this distance may have met it, m, beside three sigmas
 of its position. Chosen."""
@@ -66,6 +70,14 @@ class OtherDrone:
     """It climbs or descends: the space above and below it must be free."""
     has_right_of_way: bool
     """By the order of the drones' numbers."""
+
+
+@value
+class KeepOut:
+    """The place of a teammate round which a path leads, in this drone's frame."""
+
+    ne_m: Vector2
+    radius_m: float
 
 
 @value
@@ -118,6 +130,18 @@ def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tu
         (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.sigma_m for each in near
     ]
     return points_to_frd(places, pose.yaw_rad), np.array(distances)
+
+
+def keep_outs(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[KeepOut, ...]:
+    """Places of the teammates near the drone to which it gives way."""
+    return tuple(
+        KeepOut(each.ne_m, YIELD_M + each.sigma_m)
+        for each in others
+        if each.is_flying
+        and _is_at_height(each, pose.height_m, needs_column)
+        and _must_yield(each, needs_column)
+        and math.dist(each.ne_m, pose.ne_m) < ROUND_WITHIN_M
+    )
 
 
 def _is_at_height(other: OtherDrone, height_m: float, needs_column: bool) -> bool:

@@ -36,6 +36,7 @@ from companion.safety.separation import (
     climb_limits,
     is_column_free,
     keep_off,
+    keep_outs,
     lets_pass,
     without_others,
 )
@@ -143,9 +144,12 @@ class OnBoardTeam:
         low_ne_m = self._lower_ne_m(own, level_m + PASSING_M + clear_of_all_m(self._mission))
         return all(math.dist(place, pose.ne_m) > CLIMB_BESIDE_M for place in low_ne_m)
 
-    def view(self, now_s: float, own: Own) -> TeamView:
+    def view(self, pose: Pose, own: Own) -> TeamView:
         """What the missions know of the teammates."""
-        view = self.mates.view(now_s, own.layer, goes_home=layer_of(own.flight) is None)
+        now_s, flight = pose.time_s, own.flight
+        view = self.mates.view(now_s, own.layer, goes_home=layer_of(flight) is None)
+        in_column = needs_column(flight, pose.height_m)
+        view["keep_outs"] = keep_outs(self._others, pose, in_column)
         if self._mission.kind == "layers":
             view["team_layers"] = self.mates.layers(now_s, partial(self.space, own))
         return view

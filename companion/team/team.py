@@ -25,7 +25,7 @@ from companion.estimation.smoothing.state import Unknowns
 from companion.mapping.joined_grid import JoinedGrid
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Claim, DoorwayClaim, TeamLayers, Tracing
-from companion.safety.separation import OtherDrone
+from companion.safety.separation import KeepOut, OtherDrone
 from companion.team.messages import (
     Keyframes,
     LowCeilings,
@@ -52,6 +52,7 @@ class TeamView(TypedDict, total=False):
     claims: tuple[Claim, ...]
     tracings: tuple[Tracing, ...]
     doorway_claims: tuple[DoorwayClaim, ...]
+    keep_outs: tuple[KeepOut, ...]
     goes_home: bool
     waits_for_radio: bool
     team_layers: TeamLayers

@@ -3,9 +3,16 @@
 from itertools import pairwise, product
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from companion.core.frames import segment_distance_m
 from companion.mapping.rays import Ray
-from tests.grids import length_m, open_ground, ways_from
+from companion.navigation.grid_planner import find_ground, find_ways, with_kept_out
+from companion.safety.separation import KeepOut
+from tests.grids import CLEAR_M, Place, length_m, open_ground, ways_from
+
+ROOM = open_ground(reach_m=5.0)
 
 
 def test_a_path_through_free_space_is_straight() -> None:
@@ -66,3 +73,32 @@ def test_a_passage_already_flown_is_free_unless_it_was_closed(
         if abs(0.1 * row + 0.05) > width_m / 2:
             grid.block((0.1 * row + 0.05, 0.05), 0.01)
     assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
+
+
+@given(
+    aside_m=st.floats(-1.0, 1.0),
+    ahead_m=st.floats(-0.5, 0.5),
+    radius_m=st.floats(0.9, 1.4),
+)
+def test_a_path_leads_round_a_teammate_with_the_right_of_way(
+    aside_m: float, ahead_m: float, radius_m: float
+) -> None:
+    teammate = KeepOut((ahead_m, aside_m), radius_m)
+    start, goal = (-3.0, 0.0), (3.0, 0.0)
+    ways = find_ways(with_kept_out(find_ground(ROOM, start, CLEAR_M), [teammate]))
+    way = ways.to(goal)
+    near_m = min(segment_distance_m(teammate.ne_m, *leg) for leg in pairwise((start, *way)))
+    assert near_m > radius_m - 0.15
+    assert length_m(start, way) < 8.5
+
+
+@pytest.mark.parametrize("teammate", [(0.05, 0.05), (0.5, -2.0)])
+def test_a_teammate_in_the_only_doorway_or_beside_the_drone_forbids_no_path(
+    teammate: Place,
+) -> None:
+    grid = open_ground()
+    for row in range(-40, 41):
+        if abs(0.1 * row + 0.05) > 0.7:
+            grid.block((0.1 * row + 0.05, 0.05), 0.01)
+    ground = with_kept_out(find_ground(grid, (0.5, -2.0), CLEAR_M), [KeepOut(teammate, 1.2)])
+    assert find_ways(ground).reaches((0.5, 2.0))

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import pytest
 
-from companion.core.frames import moved
+from companion.core.frames import moved, segment_distance_m
 from companion.core.messages import HOLD
 from companion.mapping.rays import Ray
 from companion.navigation import travel as travelling
@@ -16,6 +16,7 @@ from companion.navigation.path_follower import (
 from companion.navigation.sweep import Sweep
 from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
 from companion.pdps.explore import Explore, ExplorePhase, step
+from companion.safety.separation import KeepOut
 from tests.grids import (
     PLAN,
     Place,
@@ -234,3 +235,15 @@ def test_without_a_path_the_drone_turns_where_it_last_had_room_and_not_in_the_do
     _, setpoint = travelling.step(going, observation(doorway), grid, PLAN)
     assert setpoint.right_m_s < -0.1
     assert abs(setpoint.forward_m_s) < 0.05
+
+
+def test_the_drone_plans_anew_when_a_teammate_with_the_right_of_way_comes_into_its_path() -> None:
+    grid = open_ground(reach_m=6.0)
+    travel, _ = step_travel(Travel((4.0, 0.0)), grid)
+    assert travel.way == ((4.0, 0.0),)
+    teammate = KeepOut((2.5, 0.0), 1.2)
+    seen = replace(observation(time_s=13.0), keep_outs=(teammate,))
+    travel, _ = travelling.step(travel, seen, grid, PLAN)
+    legs = pairwise(((0.0, 0.0), *travel.way))
+    assert min(segment_distance_m(teammate.ne_m, *leg) for leg in legs) > 1.1
+    assert travel.way[-1] == (4.0, 0.0)

@@ -25,6 +25,7 @@ from companion.safety.separation import (
     climb_limits,
     is_column_free,
     keep_off,
+    keep_outs,
     lets_pass,
     without_others,
 )
@@ -176,3 +177,26 @@ def test_the_vertical_beams_do_not_take_a_teammate_for_ceiling_or_floor() -> Non
 def test_nothing_in_range_stays_nothing() -> None:
     scan = {Beam.FRONT: RangeReading(RangeState.NOTHING)}
     assert beams_left(scan, other((3.0, 0.0))) == {Beam.FRONT}
+
+
+def test_paths_lead_round_near_teammates_with_the_right_of_way() -> None:
+    near = (2.0, 1.0)
+    [kept_out] = keep_outs([other(near, has_right_of_way=True)], AT_HOME, needs_column=False)
+    assert kept_out.ne_m == near
+    assert kept_out.radius_m == YIELD_M
+    lands = other(near, LEVEL_M - 1, needs_column=True)
+    assert keep_outs([lands], AT_HOME, needs_column=False)
+
+
+@pytest.mark.parametrize(
+    "free",
+    [
+        other((2.0, 1.0)),
+        other((9.0, 0.0), has_right_of_way=True),
+        other((2.0, 1.0), LEVEL_M + 0.8, has_right_of_way=True),
+        other((2.0, 1.0), is_flying=False, has_right_of_way=True),
+    ],
+    ids=["gives way itself", "far", "above", "on the ground"],
+)
+def test_paths_do_not_lead_round_other_teammates(free: OtherDrone) -> None:
+    assert not keep_outs([free], AT_HOME, needs_column=False)
