@@ -14,6 +14,7 @@ from companion.core.errors import RecordingError
 from companion.core.extras import needs_extra
 from companion.core.frames import Place
 from companion.core.messages import FloorPlan
+from companion.core.textfile import has_control_character
 from companion.export.plan.drawing import Contents
 from companion.export.plan.labels import Labels
 from companion.export.plan.room_names import read_room_names
@@ -108,6 +109,8 @@ def export_command(
     """Write the map in other formats; see docs/exports.md."""
     from companion.recording.reader import read  # noqa: PLC0415 - not for the drone
 
+    if title and has_control_character(title):
+        raise typer.BadParameter(f"--title {title!r} contains a control character; remove it")
     recording = read(flight)
     link = recording.config.link
     heading_rad = None if heading_deg is None else radians(heading_deg)

@@ -6,6 +6,7 @@ as PowerShell writes it.
 
 import codecs
 import json
+import unicodedata
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,10 @@ MARKS = (
 """Byte order marks and their encodings."""
 
 
+CONTROL = "Cc"
+"""Unicode's category of control characters, which SVG cannot contain."""
+
+
 class NotTextError(ValueError):
     """The bytes are no text; the message contains the line and the remedy."""
 
@@ -27,6 +32,11 @@ class NotTextError(ValueError):
 def encoding_of(begin: bytes) -> str:
     """The encoding of a file by its first bytes: that of its mark, or UTF-8."""
     return next((encoding for mark, encoding in MARKS if begin.startswith(mark)), "utf-8")
+
+
+def has_control_character(text: str) -> bool:
+    """True if a text contains a character that cannot be drawn, such as a line break."""
+    return any(unicodedata.category(letter) == CONTROL for letter in text)
 
 
 def read_text(path: Path) -> str:

@@ -1,14 +1,11 @@
 """Reads the names of rooms from a TOML file: `"room 1" = "Kitchen"`."""
 
-import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
 from companion.config.toml_file import read_toml
 from companion.core.errors import ConfigError
-
-CONTROL = "Cc"
-"""Unicode's category of control characters, which SVG cannot contain."""
+from companion.core.textfile import has_control_character
 
 
 def read_room_names(path: Path, rooms: Sequence[str]) -> dict[str, str]:
@@ -25,6 +22,6 @@ def read_room_names(path: Path, rooms: Sequence[str]) -> dict[str, str]:
             raise ConfigError(f"{path}: {room} = {name!r}: no such room; the map has: {known}")
         if not isinstance(name, str):
             raise ConfigError(f'{path}: {room} = {name!r} is no text; write "{room}" = "Kitchen"')
-        if any(unicodedata.category(letter) == CONTROL for letter in name):
+        if has_control_character(name):
             raise ConfigError(f"{path}: {room} = {name!r}: contains a control character; remove it")
     return names

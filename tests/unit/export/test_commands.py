@@ -97,6 +97,14 @@ def test_what_only_the_user_can_know_is_asked_for(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_title_that_cannot_be_drawn_is_refused(recording: Path, tmp_path: Path) -> None:
+    options = "--format", "svg", "--out", tmp_path, "--title", "Flat\n3"
+    refused = companion("export", recording, *options)
+    assert refused.returncode == 2
+    assert "contains a control character" in " ".join(refused.stderr.replace("│", " ").split())
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_sheet_is_made_as_asked_for(recording: Path, tmp_path: Path) -> None:
     names = tmp_path / "names.toml"
     names.write_text('"room 1" = "Kitchen"\n')
