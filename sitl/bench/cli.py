@@ -136,7 +136,10 @@ def missions(
         ),
     ] = None,
 ) -> None:
-    """Fly many missions on all cores; report how many are completed, and the scores."""
+    """Fly many missions on all cores; report how many are completed, and the scores.
+
+    Exit status 1 if a flight has no result, such as in a plan that cannot be read.
+    """
     from companion.export.map_files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
     from sitl.bench.missions import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
@@ -174,6 +177,7 @@ def missions(
     sheets = [path for path in (out and out / "missions.png", sheet) if path and flights]
     outputs += [partial(save_as, draw_sheet, flights, path) for path in sheets]
     each_by_itself(outputs)
+    _exit_by_lost(result)
 
 
 @commands.command()
@@ -248,6 +252,7 @@ def surveys(
         console.print(survey_table(result))
         for line in failed(flown):
             console.print(line, soft_wrap=True, markup=False)
+    _exit_by_lost(result)
 
 
 @commands.command()
@@ -301,6 +306,13 @@ def teams(
         print(json.dumps(result, indent=1))
     else:
         Console(highlight=False).print(team_table(result))
+    _exit_by_lost(result)
+
+
+def _exit_by_lost(result: "Summary") -> None:
+    """End with status 1 if a flight has no result, such as in a world that cannot be read."""
+    if result["totals"]["lost"]:
+        raise typer.Exit(1)
 
 
 def _save_json(result: "Summary", path: Path) -> None:

@@ -212,6 +212,7 @@ def test_the_command_prints_and_saves_the_results_and_saves_the_sheet(
     )
     printed = json.loads(done.stdout)
     assert printed["totals"]["flights"] == printed["totals"]["lost"] == 2
+    assert done.exit_code == 1
     assert [group["clutter"] for group in printed["groups"]] == [0, 0.5]
     assert printed == json.loads((out / "missions.json").read_text())
     assert (out / "missions.png").exists()
