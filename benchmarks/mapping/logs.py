@@ -1,9 +1,10 @@
 """Maps real robots' logs: `python -m benchmarks.mapping.logs [FOLDER]`.
 
 For each NAME.csv in the folder (default `../shared/logs` beside the checkout) it prints the verdict
-of `companion map`. If there is a NAME.reference.tum or NAME.truth.tum, it also prints the ATE of
-the log's odometry and of the output trajectory. Prints the table of real logs in docs/offline.md.
-ATE as by `evo_ape tum REFERENCE trajectory.tum -a --t_max_diff 0.02`.
+of `companion map`, and the error that it expects of the trajectory. If there is a
+NAME.reference.tum or NAME.truth.tum, it also prints the ATE of the log's odometry and of the output
+trajectory. Prints the table of real logs in docs/offline.md. ATE as by
+`evo_ape tum REFERENCE trajectory.tum -a --t_max_diff 0.02`.
 """
 
 import argparse
@@ -28,7 +29,16 @@ LOGS_FOLDER = Path(__file__).parents[3] / "shared" / "logs"
 REFERENCES = ".reference.tum", ".truth.tum"
 MAX_APART_S = 0.02
 """Largest time between a row and the compared pose of the reference, s."""
-HEADER = "log", "rows", "seconds", "verdict", "ATE of odometry", "of what is handed out", "CPU"
+HEADER = (
+    "log",
+    "rows",
+    "seconds",
+    "verdict",
+    "expected error",
+    "ATE of odometry",
+    "of what is handed out",
+    "CPU",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +78,15 @@ def row(path: Path) -> str:
     try:
         found = outcome(path)
     except LogError as refused:
-        return _cells(name, "", "", f"refused: {_reason(refused, path)}", "", "", "")
-    time_s = found.result.log.time_s
+        return _cells(name, "", "", f"refused: {_reason(refused, path)}", "", "", "", "")
+    time_s, verdict = found.result.log.time_s, found.result.verdict
     ates = (found.ate_odometry_m, found.ate_m)
     return _cells(
         name,
         str(len(time_s)),
         f"{time_s[-1] - time_s[0]:.0f}",
-        found.result.verdict.word,
+        verdict.word,
+        f"{verdict.expected_error_m:.2f} m",
         *("" if ate_m is None else f"{ate_m:.2f} m" for ate_m in ates),
         f"{found.cpu_s:.0f} s",
     )
