@@ -88,7 +88,7 @@ class OnBoardTeam:
         self, config: Config, bearings_frd_rad: Mapping[Beam, float], instance: int
     ) -> None:
         """`bearings_frd_rad`: of the level beams, clockwise from the nose."""
-        self.mates = Team(config.team, instance)
+        self.mates = Team(config.team, math.radians(config.mission.turn_rate_deg_s), instance)
         self._mission = config.mission
         self._bearings_frd_rad = bearings_frd_rad
         self._others: tuple[OtherDrone, ...] = ()

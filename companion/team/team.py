@@ -61,9 +61,13 @@ class TeamView(TypedDict, total=False):
 class Team:
     """All teammates of this drone."""
 
-    def __init__(self, config: TeamConfig, instance: int = 0) -> None:
-        """`instance` differs at each start of the program."""
+    def __init__(self, config: TeamConfig, turn_rad_s: float, instance: int = 0) -> None:
+        """`turn_rad_s`: rate of the turns in the mission, which is the same for all drones.
+
+        `instance` differs at each start of the program.
+        """
         self._config = config
+        self._turn_rad_s = turn_rad_s
         self._instance = instance
         self._sharing = Sharing()
         self._joined: defaultdict[int, JoinedGrid] = defaultdict(JoinedGrid)
@@ -85,7 +89,8 @@ class Team:
         config = self._config
         own, pad = config.pads[config.drone - 1], config.pads[drone - 1]
         sigma = math.sqrt(2) * pad_sigma(config)
-        return Teammate(relative_pad(own, pad), sigma, comes_first=drone < config.drone)
+        first = drone < config.drone
+        return Teammate(relative_pad(own, pad), sigma, self._turn_rad_s, comes_first=first)
 
     def hear(
         self,

@@ -47,8 +47,8 @@ HOLDS_S = 70.0
 way, s. Chosen: more than a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
-TURN_RAD_S = math.radians(60)
-"""Fastest turn of a teammate, rad/s. Chosen: missions turn with 45°/s."""
+TURN_SHARE = 4 / 3
+"""A drone turns at most this much faster than its mission asks for. Chosen."""
 SAME_PLACE_M = 0.4
 """An obstacle on its map is the same as one on the own map within this distance, m. Chosen: beyond
 the error of the alignment."""
@@ -86,12 +86,12 @@ class Heard:
 class Teammate:
     """One teammate."""
 
-    def __init__(self, start: Array, sigma: Array, *, comes_first: bool) -> None:
+    def __init__(self, start: Array, sigma: Array, turn_rad_s: float, *, comes_first: bool) -> None:
         """`start`, `sigma` (3,): its pad in this drone's frame, north, east, m, and heading, rad.
 
-        `comes_first`: it has the right of way.
+        `turn_rad_s`: rate of its turns. `comes_first`: it has the right of way.
         """
-        self._pad, self._sigma = start, sigma
+        self._pad, self._sigma, self._turn_rad_s = start, sigma, turn_rad_s
         self._comes_first = comes_first
         self.reset(0)
 
@@ -285,7 +285,7 @@ class Teammate:
         velocity = frd_to_ned(*state.velocity_ne_m_s, yaw_rad)
         (north_m, east_m), known_s = self._in_own_frame(state.ne_m), min(age_s, SILENT_S)
         sigma_m = math.hypot(state.position_sigma_m, SIGMA_M)
-        yaw_off_rad = TURN_RAD_S * known_s
+        yaw_off_rad = TURN_SHARE * self._turn_rad_s * known_s
         if not self._is_aligned:
             north_sigma_m, east_sigma_m, yaw_sigma_rad = self._sigma.tolist()
             turned_m = yaw_sigma_rad * math.hypot(*state.ne_m)

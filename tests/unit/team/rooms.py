@@ -20,6 +20,8 @@ HALF_M = 3.0
 """The room is 6 m wide, with the first drone's start in the middle."""
 PADS = (PadConfig(), PadConfig(north_m=1.0, east_m=0.5, heading_deg=90.0))
 WALL_SIGMA_M = 0.02
+TURN_RAD_S = math.radians(45)
+"""The default of `mission.turn_rate_deg_s`."""
 WALLS_RAD = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
 
 
@@ -93,7 +95,7 @@ class Member:
     """A drone of the team that says what it has seen."""
 
     def __init__(self, drone: int, turns: int, off: Array | None = None) -> None:
-        self.team = Team(config(drone))
+        self.team = Team(config(drone), TURN_RAD_S)
         self.grid, keyframes = space_of(drone, turns)
         self.walls = walls_of(drone, off)
         self.sigmas_m = np.full(4, WALL_SIGMA_M)

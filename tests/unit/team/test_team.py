@@ -18,7 +18,7 @@ from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import VERSION, Packet, Track, encode
 from companion.team.team import Team
 from companion.team.teammate import HOLDS_S, LOST_S, SILENT_S
-from tests.unit.team.rooms import PADS, WALL_SIGMA_M, Member, config, state, walls_of
+from tests.unit.team.rooms import PADS, TURN_RAD_S, WALL_SIGMA_M, Member, config, state, walls_of
 
 Packets = tuple[bytes, ...]
 TICK_S = 0.05
@@ -87,12 +87,16 @@ def test_what_a_teammate_has_measured_is_known() -> None:
     assert second.team_knows_m() == pytest.approx(WALL_SIGMA_M, rel=0.5)
 
 
-def test_the_heading_of_a_teammate_that_turns_is_known_less_well_with_time() -> None:
-    """It told its heading 0.2 s ago, and may have turned by 9° since."""
+@pytest.mark.parametrize("turn_deg_s", [45, 90])
+def test_the_heading_of_a_teammate_that_turns_is_known_less_well_with_time(
+    turn_deg_s: float,
+) -> None:
+    """It told its heading 0.2 s ago, and may have turned since."""
     first, second = Member(1, 0), Member(2, 0)
+    first.team = Team(config(1), math.radians(turn_deg_s))
     first.hear(0.0, second.tell(0.0))
     [now], [later] = (first.team.others(now_s, waits=False) for now_s in (0.0, 0.2))
-    assert later.yaw_off_rad - now.yaw_off_rad > math.radians(9)
+    assert later.yaw_off_rad - now.yaw_off_rad > 0.2 * math.radians(turn_deg_s)
 
 
 def test_a_silent_drone_does_not_trace_on() -> None:
@@ -161,7 +165,7 @@ def test_all_that_a_teammate_saw_arrives_over_any_radio(
 
 def test_a_drone_that_joins_late_gets_all() -> None:
     first, second, late = Member(1, 0), Member(2, 40), Member(1, 0)
-    late.team = Team(config(1), instance=9)
+    late.team = Team(config(1), TURN_RAD_S, instance=9)
     talk(first, second, 30.0)
     talk(late, second, 60.0, since_s=30.0)
     assert late.team.received == first.team.received
@@ -199,7 +203,7 @@ def test_shared_walls_correct_where_a_teammate_stands(
 
 
 def test_strange_packets_are_dropped_and_counted() -> None:
-    team = Team(config(1))
+    team = Team(config(1), TURN_RAD_S)
     foreign = encode(Packet("others", 2, 0, 0, state()()))
     unknown = encode(Packet("test", len(PADS) + 1, 0, 0, state()()))
     packets = b"", b"\x93nonsense", foreign, unknown
@@ -213,7 +217,7 @@ def test_a_restarted_teammate_begins_anew_when_the_one_before_is_silent() -> Non
     first, second = Member(1, 0), Member(2, 40)
     talk(first, second, 30.0)
     again = Member(2, 0)
-    again.team = Team(config(2), instance=9)
+    again.team = Team(config(2), TURN_RAD_S, instance=9)
     first.hear(31.0, again.tell(31.0))
     assert first.team.received == {2: 10}
     first.hear(30.0 + LOST_S, again.tell(30.0 + LOST_S))
@@ -222,7 +226,7 @@ def test_a_restarted_teammate_begins_anew_when_the_one_before_is_silent() -> Non
 
 def test_two_drones_with_one_number_are_kept_apart_and_told() -> None:
     first, second, double = Member(1, 0), Member(2, 0), Member(2, 0)
-    double.team = Team(config(2), instance=9)
+    double.team = Team(config(2), TURN_RAD_S, instance=9)
     first.hear(0.0, second.tell(0.0))
     assert not first.team.notice
     packets = double.team.tell(0.1, state((2.0, 0.0)), double.own)
