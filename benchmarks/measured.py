@@ -1,13 +1,21 @@
 """Measures the memory of a process, and of a function in a process of its own."""
 
 import multiprocessing
+import re
 import resource
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from threading import Thread
 from typing import ParamSpec, TypeVar
+
+import psutil
 
 P = ParamSpec("P")
 R = TypeVar("R")
+POLL_S = 0.2
+"""Interval at which the processes are looked at, s."""
 
 
 def peak_mb() -> float:
@@ -25,3 +33,27 @@ def in_own_process(run: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     spawned = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max_workers=1, mp_context=spawned) as pool:
         return pool.submit(run, *args, **kwargs).result()
+
+
+def companions_mb(run: Callable[[], object]) -> list[float]:
+    """Largest memory of each companion that a function flies in a process of its own, MB.
+
+    In the order in which they were started.
+    """
+    peaks_mb: dict[int, float] = {}
+    flying = Thread(target=run)
+    flying.start()
+    while flying.is_alive():
+        for child in psutil.Process().children(recursive=True):
+            with suppress(psutil.NoSuchProcess, FileNotFoundError):
+                if "-m companion fly" in " ".join(child.cmdline()):
+                    peaks_mb[child.pid] = _peak_of_mb(child.pid) or peaks_mb.get(child.pid, 0.0)
+        flying.join(POLL_S)
+    return [peaks_mb[process] for process in sorted(peaks_mb)]
+
+
+def _peak_of_mb(process: int) -> float:
+    """Largest memory of a running process so far, MB; 0 if it has just ended."""
+    status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    found = re.search(r"VmHWM:\s+(\d+) kB", status)
+    return int(found[1]) / 1024 if found else 0.0

@@ -2,8 +2,8 @@
 
 The flights of six minutes begin on one pad in the paper's `complex` world. Each is solved alone
 first, as after its landing. Then the joint map is made, as by `companion survey`: its time and the
-greatest memory of the process. At last a flight is flown that knows the map of five: the time of a
-tick, and of all ticks for each second of flight. Use one core, with nothing beside:
+greatest memory of the process. At last a flight is flown that knows the map of five: the processor
+time of a tick, and of all ticks for each second in the air. Use one core, with nothing beside:
 `taskset -c 0 python -m ...`.
 """
 
@@ -14,15 +14,12 @@ from functools import partial
 import numpy as np
 
 from benchmarks.measured import peak_mb
-from companion.app import App
+from benchmarks.timed import TimedApp
 from companion.config import settings
-from companion.config.settings import Config
 from companion.earlier import EarlierFlights
-from companion.safety.health.lateness import TICK_S
 from companion.survey.flights import Flown
 from companion.survey.folder import Pad
 from companion.survey.merge import Merged, Starts, merge
-from companion.ticks import Inputs, Outputs
 from sitl.running.sorties import on_the_pad
 from sitl.sensors.beam import RAY
 from sitl.simulation.lockstep import fly_in_lockstep
@@ -33,20 +30,6 @@ WORLD, LIMIT_S = "complex", 380.0
 """World, and time limit of a flight, s. Chosen: ten flights last about an hour."""
 KNOWN = 5
 """Flights that the last one knows. Chosen."""
-
-
-class TimedApp(App):
-    """An App that records the time of each tick, s."""
-
-    def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
-        super().__init__(config, earlier)
-        self.took_s: list[float] = []
-
-    def step(self, now_s: float, inputs: Inputs) -> Outputs:
-        began_s = time.perf_counter()
-        output = super().step(now_s, inputs)
-        self.took_s.append(time.perf_counter() - began_s)
-        return output
 
 
 def fly(number: int, earlier: EarlierFlights | None = None) -> TimedApp:
@@ -83,7 +66,7 @@ def main() -> None:
         flown.append(Flown.of(f"flight {number}", app))
         alone_s = time.process_time() - began_s
         print(
-            f"flight {number}: {len(app.took_s) * TICK_S:.0f} s, alone {alone_s:.1f} s",
+            f"flight {number}: {app.flown_s:.0f} s, alone {alone_s:.1f} s",
             flush=True,
         )
     flown_s = sum(float(np.sum(each.m.dt_s)) for each in flown)
@@ -94,12 +77,9 @@ def main() -> None:
         f"walls {len(merged.plan.walls)}, changes {len(merged.changes)}, memory {memory_mb:.0f} MB"
     )
     earlier = joint(flown[:KNOWN])[0].for_next_flight(Pad().sigma)
-    took = np.array(fly(count + 1, earlier).took_s)
-    per_s = 1000 * took.mean() / TICK_S
-    print(f"with {KNOWN} earlier flights: {per_s:.0f} ms for each second of flight")
-    print(
-        f"a tick: median {1000 * np.median(took):.1f}, 99 % {1000 * np.percentile(took, 99):.1f} ms"
-    )
+    last = fly(count + 1, earlier)
+    print(f"with {KNOWN} earlier flights: {last.ms_per_s:.0f} ms for each second of flight")
+    print(f"a tick: median {last.tick_ms(50):.1f}, 99 % {last.tick_ms(99):.1f} ms")
 
 
 if __name__ == "__main__":

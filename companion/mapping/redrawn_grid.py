@@ -20,6 +20,7 @@ import numpy as np
 from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd, wrap_rad
 from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.packed_grid import PackedGrid
 from companion.mapping.rays import Ray, Rays
 
 RAYS_PER_PIECE = 200
@@ -48,7 +49,7 @@ class RedrawnGrid:
         self._canvas = self.grid
         """`grid` itself, or its replacement while that is being drawn."""
         self._drawn_rays = 0
-        self._stages: list[tuple[int, Occupancy]] = [(0, self.grid.copy())]
+        self._stages = [(0, PackedGrid.of(self.grid))]
         self._dropped: list[Array] = []
         """Oldest rays, which are not redrawn in flight any more."""
         self._rays = np.empty((256, RAY_COLUMNS))
@@ -95,7 +96,7 @@ class RedrawnGrid:
 
     def _drop_oldest(self) -> None:
         """Drop the rays before a stage about half way; the stage becomes the initial grid."""
-        stages = [*self._stages[1:], (self._drawn_rays, self._canvas.copy())]
+        stages = [*self._stages[1:], (self._drawn_rays, PackedGrid.of(self._canvas))]
         half = self._count // 2
         dropped, begun = min(stages, key=lambda stage: abs(stage[0] - half))
         self._stages = [
@@ -123,7 +124,7 @@ class RedrawnGrid:
             while self._stages[-1][0] > first_ray:
                 self._stages.pop()
             self._drawn_rays, stage = self._stages[-1]
-            self._canvas = stage.copy()
+            self._canvas = stage.unpacked()
             first = int(keyframe_of[self._drawn_rays])
         self._drawn[first:known] = keyframes[first:known]
 
@@ -153,7 +154,7 @@ class RedrawnGrid:
         self._canvas.draw(_placed(self._rays[self._drawn_rays : end], self._drawn))
         self._drawn_rays = end
         if end - self._stages[-1][0] >= RAYS_PER_STAGE:
-            self._stages.append((end, self._canvas.copy()))
+            self._stages.append((end, PackedGrid.of(self._canvas)))
             if len(self._stages) > MAX_STAGES:
                 del self._stages[1 : MAX_STAGES // 2 : 2]  # the latest stages are the most useful
         if end == self._count:

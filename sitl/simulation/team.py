@@ -72,15 +72,17 @@ def fly_team_in_lockstep(
     earlier: Sequence[EarlierFlights | None] = (),
     radio_errors: LinkErrors = USUAL_ERRORS,
     land_requested: Callable[[], bool] = lambda: False,
+    make_app: Callable[[Config, EarlierFlights | None], App] = App,
 ) -> TeamFlight:
     """Fly until the last drone has ended; each drone has a setup and a configuration.
 
-    `earlier`: what each drone knows from the flights before, if anything.
+    `earlier`: what each drone knows from the flights before, if anything. `make_app` can replace
+    `App`.
     """
     pairs = [direct_pair(setup.system_id) for setup in setups]
     fleet = Fleet(setups, [[ours] for ours, _ in pairs], keep_nothing)
     air = TeamAir(setups[0].seed, len(setups), lambda: fleet.time_s, radio_errors)
-    apps = tuple(map(App, configs, earlier or [None] * len(configs)))
+    apps = tuple(map(make_app, configs, earlier or [None] * len(configs)))
     recorders = recorders or [NOT_RECORDED] * len(setups)
     loops: list[ControlLoop] = []
     for number, (app, config, vehicle) in enumerate(

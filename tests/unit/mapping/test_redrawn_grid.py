@@ -4,8 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.mapping import redrawn_grid as spaces
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.packed_grid import PackedGrid
 from companion.mapping.rays import Ray
 from companion.mapping.redrawn_grid import RedrawnGrid
 
@@ -89,3 +93,22 @@ def test_a_correction_of_discarded_rays_changes_no_cell() -> None:
     space.correct(corrected)
     draw(space)
     assert (space.grid.free == before).all()
+
+
+@given(
+    ends=st.lists(st.tuples(st.floats(-20, 20), st.floats(-20, 20)), max_size=6),
+    is_above=st.booleans(),
+)
+def test_a_packed_grid_is_unpacked_as_it_was(
+    ends: list[tuple[float, float]], is_above: bool
+) -> None:
+    grid = Occupancy()
+    for north_m, east_m in ends:
+        away_m = math.hypot(north_m, east_m)
+        grid.add(Ray((0.0, 0.0), math.atan2(east_m, north_m), away_m, *A_HIT))
+    if is_above:
+        grid = grid.layer_above([(1.0, 0.0)])
+    again = PackedGrid.of(grid).unpacked().arrays()
+    for name, cells in grid.arrays().items():
+        assert again[name].dtype == cells.dtype
+        assert np.array_equal(again[name], cells)
