@@ -212,9 +212,12 @@ class BorderedSystem:
         blocks = []
         for rows in starmap(slice, pairwise((*self._begins, self._chained))):
             columns = np.flatnonzero(b[rows].any(axis=0))
-            coupling = b[rows, columns]
             factor = cholesky_banded(a[:, rows], lower=True)
-            solved = _forward(factor, np.column_stack([coupling, a_gradient[rows]]))
+            right = np.empty((len(a_gradient[rows]), len(columns) + 1), order="F")
+            for number, column in enumerate(columns):  # in place: B is the largest matrix
+                right[:, number] = b[rows, column]
+            right[:, -1] = a_gradient[rows]
+            solved = _forward(factor, right)
             block = _Block(factor, columns, solved[:, :-1], solved[:, -1])
             schur[np.ix_(columns, columns)] -= block.w_matrix.T @ block.w_matrix
             gradient[columns] -= block.w_matrix.T @ block.w_vector
@@ -274,8 +277,8 @@ class _Block:
 
 
 def _forward(factor: Array, right: Array) -> Array:
-    """L⁻¹ of columns (rows, n)."""
-    solved: Array = dtbtrs(factor, right, uplo="L")[0]
+    """L⁻¹ of columns (rows, n), which are overwritten if they are stored column by column."""
+    solved: Array = dtbtrs(factor, right, uplo="L", overwrite_b=True)[0]
     return solved
 
 
