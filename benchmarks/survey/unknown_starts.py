@@ -153,12 +153,12 @@ def table(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         ambiguous = sum("fit equally" in reason or "fits equally" in reason for reason in reasons)
         counts = (len(mine), *(sum(row[key] for row in mine) for key in ("right", "wrong")))
         placed = [row for row in mine if row["right"]]
-        joint_cm, best_cm = (
-            mean(row[key] for row in placed) if placed else math.nan
+        errors = (
+            f"{mean(row[key] for row in placed):.1f} cm" if placed else "-"
             for key in ("joint_cm", "best_alone_cm")
         )
-        cells = (world, *counts, ambiguous, len(reasons) - ambiguous)
-        yield "| " + " | ".join(map(str, cells)) + f" | {joint_cm:.1f} cm | {best_cm:.1f} cm |"
+        cells = (world, *counts, ambiguous, len(reasons) - ambiguous, *errors)
+        yield "| " + " | ".join(map(str, cells)) + " |"
     for row in rows:
         if "lost" in row:
             yield f"\n{row['world']} seed {row['seed']} is lost: {row['lost']}"
