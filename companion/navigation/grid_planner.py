@@ -183,6 +183,8 @@ def with_kept_out(ground: CostGrid, keep_outs: Sequence[KeepOut]) -> CostGrid:
 
     A path leads round them if it can. Otherwise the drone waits there until they have left.
     """
+    if not keep_outs:
+        return ground
     kept_out = ground.kept_out.copy()
     for each in keep_outs:
         row, column = ground.grid.cell(each.ne_m)
