@@ -1,29 +1,24 @@
-"""A companion that records the processor time of its ticks."""
-
-import time
+"""A companion that records the processor time of its ticks in the air."""
 
 import numpy as np
 
-from companion.app import App
-from companion.config.settings import Config
-from companion.earlier import EarlierFlights
 from companion.pdps.flight.state import FLYING_PHASES
 from companion.safety.health.lateness import TICK_S
 from companion.ticks import Inputs, Outputs
+from sitl.bench import accuracy
 
 
-class TimedApp(App):
+class TimedApp(accuracy.TimedApp):
     """An App that records the processor time of each tick in the air, s."""
 
-    def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
-        super().__init__(config, earlier)
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self.took_s: list[float] = []
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
-        began_s = time.process_time()
         output = super().step(now_s, inputs)
         if self.flight.phase in FLYING_PHASES:
-            self.took_s.append(time.process_time() - began_s)
+            self.took_s.append(self.update_s[-1])
         return output
 
     @property

@@ -64,6 +64,7 @@ from companion.navigation.doorways import (
 )
 from companion.navigation.grid_planner import (
     TIGHT_CLEAR_M,
+    CostGrid,
     ShortestPaths,
     find_ground,
     find_ways,
@@ -285,19 +286,24 @@ def _ways(
     start, even after a turn all round, they include all flown cells. The drone still stops before
     real obstacles there.
     """
-    here, clear_m = observation.pose.ne_m, clear_of_all_m(plan)
+    here = observation.pose.ne_m
     narrow = () if travel.goes_home else too_narrow(travel.known, space)
     shut = (*travel.shut, *narrow)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
-    ground = with_kept_out(find_ground(nearby, here, clear_m), observation.keep_outs)
-    ways = find_ways(with_shut(ground, shut))
+    ways = find_ways(with_shut(_ground(nearby, observation, plan), shut))
     if ways.reaches(travel.goal_ne_m):
         return ways
-    ground = with_kept_out(find_ground(space, here, clear_m), observation.keep_outs)
+    ground = _ground(space, observation, plan)
     ways = find_ways(with_shut(ground, shut))
     if ways.reaches(travel.goal_ne_m) or not travel.goes_home or not travel.looked_round:
         return ways
     return find_ways(with_shut(retraced(ground), shut))
+
+
+def _ground(grid: Occupancy, observation: Observation, plan: MissionConfig) -> CostGrid:
+    """The cost grid from the drone's place, with teammates near it."""
+    ground = find_ground(grid, observation.pose.ne_m, clear_of_all_m(plan))
+    return with_kept_out(ground, observation.keep_outs)
 
 
 def along(ways: ShortestPaths, travel: Travel, observation: Observation) -> Travel:

@@ -41,8 +41,8 @@ PASS_WITHIN_M, PASSED_AT_M = 0.2, 0.8
 """A drone without the right of way climbs within the first distance beyond `YIELD_M` of the other,
 and descends again beyond the second, m. Chosen."""
 ROUND_WITHIN_M = 4.0
-"""A path leads round a teammate that is nearer than this, m. Chosen: one farther away has moved
-until the drone is there, and it is beyond the stopping distance of both."""
+"""A path leads round a teammate that is nearer than this, m. Chosen: beyond the
+stopping distance of both. A teammate farther away has left before the drone is there."""
 MASK_M = 0.15
 """A beam that passes a teammate's body within this distance may have met it, m, beside three sigmas
 of its position. Chosen."""
@@ -123,8 +123,7 @@ def passing_from(
 
 def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[Array, Array]:
     """Positions (n, 2) of the teammates to keep away from, body FRD, and the distances (n,), m."""
-    flying = (each for each in others if each.is_flying)
-    near = [each for each in flying if _is_at_height(each, pose.height_m, needs_column)]
+    near = _at_height(others, pose, needs_column)
     places = np.array([each.ne_m for each in near]).reshape(-1, 2) - pose.ne_m
     distances = [
         (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.sigma_m for each in near
@@ -136,12 +135,15 @@ def keep_outs(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> t
     """Places of the teammates near the drone to which it gives way."""
     return tuple(
         KeepOut(each.ne_m, YIELD_M + each.sigma_m)
-        for each in others
-        if each.is_flying
-        and _is_at_height(each, pose.height_m, needs_column)
-        and _must_yield(each, needs_column)
-        and math.dist(each.ne_m, pose.ne_m) < ROUND_WITHIN_M
+        for each in _at_height(others, pose, needs_column)
+        if _must_yield(each, needs_column) and math.dist(each.ne_m, pose.ne_m) < ROUND_WITHIN_M
     )
+
+
+def _at_height(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> list[OtherDrone]:
+    """The teammates in the air that do not pass above or below this drone."""
+    flying = (each for each in others if each.is_flying)
+    return [each for each in flying if _is_at_height(each, pose.height_m, needs_column)]
 
 
 def _is_at_height(other: OtherDrone, height_m: float, needs_column: bool) -> bool:

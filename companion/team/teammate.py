@@ -48,7 +48,7 @@ way, s. Chosen: more than a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
 TURN_SHARE = 4 / 3
-"""A drone turns at most this much faster than its mission asks for. Chosen."""
+"""Largest turn rate of a teammate, as a share of that of its mission. Chosen."""
 SAME_PLACE_M = 0.4
 """An obstacle on its map is the same as one on the own map within this distance, m. Chosen: beyond
 the error of the alignment."""

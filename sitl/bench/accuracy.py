@@ -14,6 +14,7 @@ from companion.app import App
 from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
+from companion.earlier import EarlierFlights
 from companion.ticks import Inputs, Outputs
 from sitl.bench.engine import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
@@ -60,10 +61,11 @@ class TimedApp(App):
     """An `App` that measures its processor time."""
 
     config: Config
+    earlier: EarlierFlights | None = None
     update_s: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        super().__init__(self.config)
+        super().__init__(self.config, self.earlier)
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         began_s = time.process_time()
