@@ -24,6 +24,7 @@ from companion.config.settings import MISSION_KINDS, Config
 from companion.core.errors import CompanionError, ConfigError
 from companion.core.printed import flight_console
 from companion.earlier import EarlierFlights
+from companion.run.freed_memory import return_freed_memory
 from companion.run.hardware import open_rig
 from companion.run.unattended import EXIT_FAILED, fly_to_the_end
 from companion.team.radio import new_instance
@@ -55,6 +56,7 @@ def fly_command(
     foxglove: Foxglove = None,
 ) -> None:
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""
+    return_freed_memory()
     settings = load_settings(
         config,
         link,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.core.arrays import Array
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2
 
 OPPOSITE_RAD = math.radians(10)
@@ -73,13 +73,18 @@ class KnownWalls:
         distance_m: Array = self.offsets_m - places_ne_m @ self.normals.T
         return distance_m
 
-    def measured_at_s(self, places_ne_m: Array) -> Array:
-        """(p,): the last time at which the wall of each place (p, 2) was measured; -inf without."""
+    def has_on_it(self, places_ne_m: Array) -> Mask:
+        """(p, w): True where a place (p, 2) lies on a wall, or not far beyond its end."""
         along_m = places_ne_m @ self.tangents.T
-        is_on = np.abs(self.distances_m(places_ne_m)) <= ON_WALL_M
+        is_on: Mask = np.abs(self.distances_m(places_ne_m)) <= ON_WALL_M
         is_on &= along_m >= self.reach_m[:, 0] - BEYOND_END_M
         is_on &= along_m <= self.reach_m[:, 1] + BEYOND_END_M
-        latest_s: Array = np.where(is_on, self.measured_s, -np.inf).max(axis=1, initial=-np.inf)
+        return is_on
+
+    def measured_at_s(self, places_ne_m: Array) -> Array:
+        """(p,): the last time at which the wall of each place (p, 2) was measured; -inf without."""
+        measured_s = np.where(self.has_on_it(places_ne_m), self.measured_s, -np.inf)
+        latest_s: Array = measured_s.max(axis=1, initial=-np.inf)
         return latest_s
 
     def foot_ne_m(self, wall: int, place_ne_m: Vector2) -> Vector2:

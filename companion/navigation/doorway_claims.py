@@ -3,15 +3,21 @@
 A drone claims the doorway that it passes, or comes to next. Of two with the same doorway, one that
 flies home goes first: it leaves the room to the other. Else the nearer one does, or the one with
 the lower number if both are as near. The other waits before the doorway, in the open, where it can
-let the first pass. A drone that cannot go on, and looks for
-another way, has no claim: others may be in its way because they wait for it.
+let the first pass. A drone that cannot go on, and looks for another way, has no claim: others may
+be in its way because they wait for it. Nor has a drone that lets a teammate pass below: that one
+may wait for the same doorway.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from companion.core.frames import Vector2
-from companion.navigation.doorways import AWAY_M, SAME_WITHIN_M, Doorway
+from companion.mapping.occupancy import CELL_M
+from companion.navigation.doorways import AWAY_M, DOORWAY_ROOM_M, SAME_WITHIN_M, Doorway
+from companion.navigation.grid_planner import ShortestPaths
 from companion.navigation.observation import DoorwayClaim, Observation
 from companion.navigation.travel_state import Travel, TravelPhase
 
@@ -56,6 +62,23 @@ def waiting(travel: Travel, observation: Observation) -> Travel:
     return replace(
         travel, waits_at_ne_m=at_ne_m, waits_since_s=since_s, course=None, progress_s=now_s
     )
+
+
+def out_of_the_way(ways: ShortestPaths, doorways: Sequence[Doorway]) -> Vector2 | None:
+    """The nearest place in the open where others can pass all doorways; None if there is none.
+
+    It is the drone's own cell if that is such a place.
+    """
+    grid = ways.ground.grid
+    may_wait = np.isfinite(ways.metres) & (ways.ground.room_m >= DOORWAY_ROOM_M)
+    cells = np.argwhere(may_wait)
+    for doorway in doorways:
+        off = CELL_M * (cells - grid.cell(doorway.middle_ne_m))
+        cells = cells[np.hypot(*off.T) > WAIT_WITHIN_M]
+    if not len(cells):
+        return None
+    row, column = cells[ways.metres[tuple(cells.T)].argmin()].tolist()
+    return grid.place((row, column))
 
 
 def _is_others(doorway: Doorway, observation: Observation, *, is_waiting: bool) -> bool:

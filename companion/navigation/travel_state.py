@@ -3,6 +3,7 @@
 import enum
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from companion.core.frames import Vector2
 from companion.navigation.doorways import Doorway
@@ -62,6 +63,10 @@ class Travel:
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """Time and place of the last progress."""
+
+    def left_m(self, here_ne_m: Vector2) -> float:
+        """Length of the path still to fly, m."""
+        return sum(math.dist(start, end) for start, end in pairwise((here_ne_m, *self.way)))
 
     def rested(self) -> "Travel":
         """The journey after a pause: the time without progress begins anew."""

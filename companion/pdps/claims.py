@@ -48,6 +48,11 @@ def is_claimed(look: Viewpoint, arrives_in_s: float, claims: tuple[Claim, ...]) 
     return any(_is_same(look, claim) and _is_sooner(claim, arrives_in_s) for claim in claims)
 
 
+def is_more_expected(claims: tuple[Claim, ...]) -> bool:
+    """True if a teammate looks at something that may open more space."""
+    return any(not claim.is_extra for claim in claims)
+
+
 def on_own_side(
     looks: tuple[Viewpoint, ...], ways: ShortestPaths, others_ne_m: tuple[Vector2, ...]
 ) -> tuple[Viewpoint, ...]:

@@ -11,7 +11,8 @@
      └──────────────────────────────────────────────┘
             near the viewpoint, targets still unseen
 
-    CHOOSE ─► WAIT ─► CHOOSE: teammates look at all that is left; what they see may open more
+    CHOOSE ─► WAIT ─► CHOOSE: teammates look at all that is left; what they see may open more.
+    The drone waits where others can pass
 
 The drone rarely stops. The swing of its nose shows the space ahead and beside the path. For the
 remaining targets it turns while it flies the last metres, only as far as one of three beams needs.
@@ -29,9 +30,10 @@ import numpy as np
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, wrap_rad
-from companion.core.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
+from companion.core.messages import BEARING_FRD_RAD, HOLD, Beam, Pose, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
+from companion.navigation.doorway_claims import out_of_the_way
 from companion.navigation.doorways import Doorway, too_narrow, with_shut
 from companion.navigation.grid_planner import (
     START_NE_M,
@@ -40,10 +42,10 @@ from companion.navigation.grid_planner import (
     find_ground,
     find_ways,
 )
-from companion.navigation.observation import Claim, Observation
+from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M
 from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
-from companion.pdps.claims import is_claimed, on_own_side
+from companion.pdps.claims import is_claimed, is_more_expected, on_own_side
 from companion.pdps.frontiers import Places, still_unseen
 from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
@@ -66,8 +68,9 @@ GLIDE_SHARE = 0.6
 the path then."""
 CHECK_S = 1.0
 """Period of checking which targets are still unseen, s. Chosen."""
-WAIT_S = 1.0
-"""Time of waiting before the next choice, s. Chosen."""
+WAIT_S, ASIDE_M = 1.0, 0.3
+"""Time of waiting before the next choice, s, and least distance that the drone flies out of the way
+to wait, m. Chosen."""
 WORTH_SHARE = 0.35
 """If a smaller share of the targets is left, the next viewpoint is selected. Chosen."""
 
@@ -101,7 +104,8 @@ class Explore:
     looks: tuple[Viewpoint, ...] = ()
     """Viewpoints to select from, in CHOOSE, once they are computed."""
     travel: Travel | None = None
-    """Journey to the viewpoint, in GO; in CHOOSE, the journey that continues meanwhile."""
+    """Journey to the viewpoint, in GO, or out of the way, in WAIT; in CHOOSE, the journey that
+    continues meanwhile."""
     look: Viewpoint | None = None
     """The next or present viewpoint; None for the first turn."""
     tried: tuple[Viewpoint, ...] = ()
@@ -111,7 +115,7 @@ class Explore:
     checked_s: float = 0.0
     """Time of the last check of the targets, s; in WAIT, of its begin."""
     arrives_s: float = 0.0
-    """Expected time of arrival at the viewpoint, s."""
+    """Expected time of arrival at the viewpoint, s; later if the drone has to wait on its way."""
 
     def rested(self) -> "Explore":
         """The state after a pause: the time without progress begins anew."""
@@ -158,14 +162,21 @@ def step(
         case ExplorePhase.GO:
             return _go(explore, observation, space, plan)
         case ExplorePhase.WAIT:
-            return _wait(explore, observation)
+            return _wait(explore, observation, space, plan)
         case ExplorePhase.DONE:
             return explore, HOLD
 
 
-def _wait(explore: Explore, observation: Observation) -> tuple[Explore, Setpoint]:
+def _wait(
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> tuple[Explore, Setpoint]:
+    if explore.travel is not None:
+        going, setpoint = travel.step(explore.travel, observation, space, plan)
+        if going.phase in (TravelPhase.ARRIVED, TravelPhase.GAVE_UP):
+            return _waits(explore, going, observation.pose), HOLD
+        return replace(explore, travel=going), setpoint
     here = explore.here_ne_m or observation.pose.ne_m
-    is_over = not _is_more_expected(observation.claims)
+    is_over = not is_more_expected(observation.claims)
     if is_over or observation.pose.time_s - explore.checked_s > WAIT_S:
         explore = replace(_to_choose(explore, None), here_ne_m=here)
     return explore, stay(here, observation.pose)
@@ -251,17 +262,10 @@ def _choose(
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
-        found = looks(explore.ways, observation, plan, explore.tried)
-        found = found or ties(explore.ways, observation, plan, explore.tried)
-        found = found or again(explore.ways, observation, plan, explore.tried)
-        ways, claims = explore.ways, observation.claims
-        left = tuple(
-            look for look in found if not is_claimed(look, _arrives_in_s(ways, look, plan), claims)
-        )
-        if left:
+        if left := _unclaimed(explore.ways, explore.tried, observation, plan):
             return replace(explore, looks=left)
-        if _is_more_expected(claims):
-            return _to_wait(explore, observation)
+        if is_more_expected(observation.claims):
+            return _to_wait(explore, explore.ways, observation)
         return replace(explore, phase=ExplorePhase.DONE)
     found = explore.looks
     if plan.kind == "exterior":
@@ -279,23 +283,50 @@ def _choose(
     )
 
 
+def _unclaimed(
+    ways: ShortestPaths,
+    tried: tuple[Viewpoint, ...],
+    observation: Observation,
+    plan: MissionConfig,
+) -> tuple[Viewpoint, ...]:
+    """The viewpoints that are not left to a teammate: of unseen targets, or else of walls.
+
+    So a drone measures walls again while its teammates look at all that is unseen.
+    """
+    for search in (looks, ties, again):
+        left = tuple(
+            look
+            for look in search(ways, observation, plan, tried)
+            if not is_claimed(look, _arrives_in_s(ways, look, plan), observation.claims)
+        )
+        if left:
+            return left
+    return ()
+
+
 def _arrives_in_s(ways: ShortestPaths, look: Viewpoint, plan: MissionConfig) -> float:
     """Expected time to a viewpoint, s."""
     return float(ways.metres[ways.ground.grid.cell(look.from_ne_m)]) / plan.speed_m_s
 
 
-def _is_more_expected(claims: tuple[Claim, ...]) -> bool:
-    """True if a teammate looks at something that may open more space."""
-    return any(not claim.is_extra for claim in claims)
+def _to_wait(explore: Explore, ways: ShortestPaths, observation: Observation) -> Explore:
+    """Enters WAIT, where the drone is or at the nearest place where others can pass."""
+    last, pose = explore.travel or explore.came, observation.pose
+    place = out_of_the_way(ways, explore.known_doorways)
+    waits = _waits(explore, last, pose)
+    if place is None or math.dist(place, pose.ne_m) < ASIDE_M:
+        return waits
+    going = onward(last, place, ARRIVED_M)
+    return replace(waits, travel=travel.along(ways, going, observation))
 
 
-def _to_wait(explore: Explore, observation: Observation) -> Explore:
-    """Enters WAIT, at the place where the drone is."""
-    pose = observation.pose
-    return replace(
-        _to_choose(explore, None),
-        phase=ExplorePhase.WAIT,
+def _waits(explore: Explore, came: Travel | None, pose: Pose) -> Explore:
+    """Waits where the drone is."""
+    return Explore(
+        ExplorePhase.WAIT,
         here_ne_m=pose.ne_m,
+        tried=explore.tried,
+        came=came and replace(came, course=None),
         checked_s=pose.time_s,
     )
 
@@ -321,10 +352,13 @@ def _go(
     if going is None or look is None:
         return _to_choose(explore, None), HOLD
     is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
+    if is_due:
+        least_s = going.left_m(observation.pose.ne_m) / plan.speed_m_s
+        explore = replace(explore, arrives_s=max(explore.arrives_s, now_s + least_s))
     if is_due and travel.in_the_open(observation, space):
         left = _left_of(look, space)
         explore = replace(explore, checked_s=now_s)
-        if is_claimed(look, max(explore.arrives_s - now_s, 0.0), observation.claims):
+        if is_claimed(look, explore.arrives_s - now_s, observation.claims):
             chooses = replace(_to_choose(explore, None), travel=going)
             return chooses, _meanwhile(chooses, observation, space, plan)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):

@@ -9,8 +9,10 @@ There are two kinds:
   there and back is another measurement of all walls along it.
 
 Both are extras. They use no passage in which the drift of the autopilot's estimate could bring the
-drone into contact with an obstacle.
+drone into contact with an obstacle. What a teammate goes to measure again is left to it.
 """
+
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -21,7 +23,7 @@ from companion.core.arrays import Array, Indices, Mask
 from companion.core.known_walls import KnownWalls
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation.grid_planner import ShortestPaths
-from companion.navigation.observation import Observation
+from companion.navigation.observation import Claim, Observation
 from companion.pdps.frontiers import centres
 from companion.pdps.viewpoints import ROOM_TO_LOOK_M, Viewpoint, seconds
 from companion.pdps.visibility import is_clear, viewpoints
@@ -59,7 +61,10 @@ def ties(
     views, places, time_s = _views(ways, observation, plan, tried, TRIED_WITHIN_M)
     faces = _faces(walls, places)
     gap_sigmas_m = np.triu(walls.gap_sigmas_m())
-    pairs = np.argwhere((gap_sigmas_m > LOOSE_M) & _together(faces))
+    is_loose = (gap_sigmas_m > LOOSE_M) & _together(faces)
+    for taken in _taken(walls, observation.claims):
+        is_loose &= ~np.outer(taken, taken)
+    pairs = np.argwhere(is_loose)
     seen = _seen(grid, walls, faces & np.isin(np.arange(faces.shape[1]), pairs), views, places)
     sees_both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]]
     if not sees_both.any():
@@ -86,8 +91,10 @@ def again(
         return ()
     walls, grid = observation.walls(), ways.ground.grid
     views, places, time_s = _views(ways, observation, plan, tried, AGAIN_WITHIN_M)
-    faces = _faces(walls, places)
-    seen = _seen(grid, walls, faces & (walls.sigmas_m > VAGUE_M), views, places)
+    is_vague = walls.sigmas_m > VAGUE_M
+    for taken in _taken(walls, observation.claims):
+        is_vague &= ~taken
+    seen = _seen(grid, walls, _faces(walls, places) & is_vague, views, places)
     if not seen.any():
         return ()
     wall = int(np.where(seen.any(axis=0), walls.sigmas_m, 0.0).argmax())
@@ -95,6 +102,15 @@ def again(
     north_m, east_m = places[view].tolist()
     foot = walls.foot_ne_m(wall, (north_m, east_m))
     return (Viewpoint((north_m, east_m), (foot,), is_tie=True),)
+
+
+def _taken(walls: KnownWalls, claims: Iterable[Claim]) -> Iterator[Mask]:
+    """(w,) of each teammate: the walls that it goes to measure again."""
+    for claim in claims:
+        if claim.is_extra:
+            is_on = walls.has_on_it(np.array(claim.places_ne_m))
+            taken: Mask = np.any(is_on, axis=0)
+            yield taken
 
 
 def _views(

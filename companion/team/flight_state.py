@@ -82,7 +82,10 @@ def state_of(
 
 
 def _doorway_ne_m(flight: FlightState, pose: Pose) -> Vector2 | None:
-    doorway = claimed(flight.travel, pose.ne_m) if flight.travel else None
+    """The doorway that the drone claims; None while it lets a teammate pass below."""
+    if flight.travel is None or flight.passing is not None:
+        return None
+    doorway = claimed(flight.travel, pose.ne_m)
     return doorway.middle_ne_m if doorway else None
 
 

@@ -58,6 +58,7 @@ from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.travel import in_the_open
 from companion.navigation.travel_state import Travel
 from companion.pdps import explore, layers, room_scan
+from companion.pdps.claims import is_more_expected
 from companion.pdps.explore import ExplorePhase
 from companion.pdps.flight import orders
 from companion.pdps.flight.ground import arm, connect, not_to_be_armed, offboard, prepare, take_off
@@ -224,9 +225,13 @@ def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fligh
 
 
 def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
-    """Enters HOME. In an extra part this is no trouble: the mission is complete without it."""
+    """Enters HOME. In an extra part this is no trouble: the mission is complete without it.
+
+    In a team it is complete if no teammate looks at something unseen, either.
+    """
     parts = flight.room, flight.building, flight.layers
     is_extra = flight.phase in MISSION_PHASES.values() and any(part.is_extra for part in parts)
+    is_extra = is_extra and not is_more_expected(view.observation.claims)
     trouble = "" if is_extra else f"turned back {why}"
     homeward = replace(flight, undone=trouble, way_home=Travel(START_NE_M), lost_since_s=math.inf)
     return go(homeward, Phase.HOME, view, trouble)

@@ -196,7 +196,10 @@ class FlightState:
     @property
     def waits(self) -> bool:
         """True while the drone waits for others, and lets them pass."""
-        is_waiting = self.explores is not None and self.explores.phase is ExplorePhase.WAIT
+        explores = self.explores
+        is_waiting = (
+            explores is not None and explores.phase is ExplorePhase.WAIT and explores.travel is None
+        )
         chooses = self.phase is Phase.LAYERS and self.layers.phase is LayersPhase.CHOOSE
         is_at_doorway = self.travel is not None and self.travel.waits_at_ne_m is not None
         return is_waiting or chooses or is_at_doorway or self.phase in (Phase.HOVER, Phase.HOLD)

@@ -1,5 +1,6 @@
 """One drone of a team at a time passes a doorway."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -7,14 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.messages import Pose
+from companion.mapping.occupancy import CELL_M
 from companion.navigation import travel as travelling
-from companion.navigation.doorway_claims import MAX_WAIT_S, claimed, waiting
-from companion.navigation.doorways import Doorway
+from companion.navigation.doorway_claims import (
+    MAX_WAIT_S,
+    WAIT_WITHIN_M,
+    claimed,
+    out_of_the_way,
+    waiting,
+)
+from companion.navigation.doorways import DOORWAY_ROOM_M, Doorway
 from companion.navigation.observation import DoorwayClaim, Observation
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.flight.state import FlightState, Phase
 from companion.pdps.layers import Layers, LayersPhase
-from tests.grids import PLAN, open_ground
+from tests.grids import PLAN, open_ground, walled, ways_from
 
 DOORWAY = Doorway(0, (3.0, 0.0), (1.0, 0.0), 0.5)
 """On the way to the north."""
@@ -105,3 +113,25 @@ def test_a_drone_that_waits_on_its_way_back_from_a_layer_lets_the_other_pass() -
     assert flight.travel is at_doorway
     assert flight.waits
     assert not replace(flight, layers=Layers(LayersPhase.RETURN, travel=BACK)).waits
+
+
+@given(st.floats(-2.2, 2.2), st.floats(-1.0, 1.0))
+def test_a_drone_without_a_target_waits_in_the_open_and_off_the_doorway(
+    north_m: float, east_m: float
+) -> None:
+    """Its teammates pass the doorway meanwhile."""
+    ways = ways_from(walled(), (north_m, east_m))
+    place = out_of_the_way(ways, [DOORWAY])
+    assert place is not None
+    assert math.dist(place, DOORWAY.middle_ne_m) > WAIT_WITHIN_M - CELL_M
+    assert ways.ground.clear_m(place) >= DOORWAY_ROOM_M
+    is_off = math.dist((north_m, east_m), DOORWAY.middle_ne_m) > WAIT_WITHIN_M + 0.2
+    if is_off and ways.ground.clear_m((north_m, east_m)) >= DOORWAY_ROOM_M:
+        assert math.dist(place, (north_m, east_m)) < 0.1
+
+
+def test_no_place_to_wait_is_far_enough_from_two_doorways_in_a_small_room() -> None:
+    south = replace(DOORWAY, middle_ne_m=(-1.5, 0.0))
+    north = replace(DOORWAY, middle_ne_m=(1.5, 0.0))
+    ways = ways_from(walled(reach_m=1.5), (0.0, 0.0))
+    assert out_of_the_way(ways, [south, north]) is None

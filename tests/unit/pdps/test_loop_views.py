@@ -20,7 +20,7 @@ from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.rays import Ray
 from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
-from companion.navigation.observation import Observation
+from companion.navigation.observation import Claim, Observation
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.loop_views import (
     AGAIN_WITHIN_M,
@@ -32,7 +32,7 @@ from companion.pdps.loop_views import (
     again,
     ties,
 )
-from companion.pdps.viewpoints import Viewpoint
+from companion.pdps.viewpoints import Viewpoint, looks
 from companion.pdps.visibility import is_clear
 
 PLAN = MissionConfig(kind="building")
@@ -74,10 +74,15 @@ def sealed() -> Occupancy:
     return grid
 
 
-def observation(walls: KnownWalls, here: Vector2 = HERE) -> Observation:
+def observation(walls: KnownWalls, here: Vector2 = HERE, *claims: Claim) -> Observation:
     clear = RangeReading(RangeState.DISTANCE, 5.0, 0.01)
     pose = Pose(10.0, *here, -PLAN.height_m, 0.0)
-    return Observation(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
+    return Observation(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls, claims=claims)
+
+
+def claim(places: tuple[Vector2, ...], *, is_extra: bool) -> Claim:
+    """What a teammate that is there now looks at."""
+    return Claim(places, 0.0, is_extra, comes_first=True, from_ne_m=places[0])
 
 
 @cache
@@ -93,8 +98,9 @@ def found(
     *,
     plan: MissionConfig = PLAN,
     search: Callable[..., tuple[Viewpoint, ...]] = ties,
+    claims: tuple[Claim, ...] = (),
 ) -> tuple[Viewpoint, ...]:
-    return search(ways_from(grid, here), observation(walls, here), plan, tried)
+    return search(ways_from(grid, here), observation(walls, here, *claims), plan, tried)
 
 
 found_again = partial(found, search=again)
@@ -181,6 +187,31 @@ def test_uncertain_walls_are_measured_after_the_last_frontier_before_the_mission
     explore = replace(explore, to_turn_rad=0.0)
     while explore.phase is not ExplorePhase.DONE:
         explore, _ = step(explore, observation(tied, there), grid, PLAN)
+
+
+@given(st.floats(-3.0, 3.0))
+def test_walls_that_a_teammate_measures_again_are_left_to_it(east_m: float) -> None:
+    walls = two_walls(0.2)
+    both = claim(((HALF_M, east_m), (-HALF_M, east_m)), is_extra=True)
+    assert not found(walls, yard(), claims=(both,))
+    assert not found_again(walls, yard(), claims=(both,))
+    one = claim(((HALF_M, east_m),), is_extra=True)
+    assert found(walls, yard(), claims=(one,))
+    (other,) = found_again(walls, yard(), claims=(one,))
+    assert other.at_ne_m[0][0] == pytest.approx(-HALF_M)
+    unseen = claim(((HALF_M, east_m), (-HALF_M, east_m)), is_extra=False)
+    assert found(walls, yard(), claims=(unseen,))
+
+
+def test_a_drone_measures_walls_again_while_teammates_look_at_all_that_is_unseen() -> None:
+    grid, walls = yard(), two_walls(0.2)
+    left = looks(ways_from(grid, HERE), observation(walls), PLAN)
+    claims = [claim(look.at_ne_m, is_extra=False) for look in left]
+    explore = Explore(ExplorePhase.CHOOSE)
+    while explore.phase is ExplorePhase.CHOOSE:
+        explore, _ = step(explore, observation(walls, HERE, *claims), grid, PLAN)
+    assert explore.look is not None
+    assert explore.look.is_tie
 
 
 def _everywhere() -> tuple[Vector2, ...]:

@@ -10,6 +10,7 @@ from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.rays import Ray
 from companion.navigation.energy_reserve import Reserve, Spent
+from companion.navigation.observation import Claim
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.phases import step
@@ -90,6 +91,20 @@ def test_a_mission_is_complete_without_the_rest_of_its_ties() -> None:
         began = replace(flying(Phase.BUILDING), building=building)
         flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
         assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
+
+
+@pytest.mark.parametrize("is_extra", [False, True])
+def test_a_mission_is_not_complete_while_a_teammate_looks_at_something_unseen(
+    *, is_extra: bool
+) -> None:
+    tie = Viewpoint((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)), is_tie=True)
+    building = Explore(ExplorePhase.GO, travel=Travel((1.0, 1.0)), look=tie)
+    claim = Claim(((9.0, 9.0),), 5.0, is_extra, comes_first=True, from_ne_m=(8.0, 8.0))
+    now = view(replace(FLYING, battery=0.15))
+    now = replace(now, observation=replace(now.observation, claims=(claim,)))
+    flight, _ = step(replace(flying(Phase.BUILDING), building=building), now, PLAN)
+    trouble = "" if is_extra else "turned back with 15 % of the battery"
+    assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
 
 
 def test_the_return_begins_in_time_to_keep_the_reserve() -> None:
