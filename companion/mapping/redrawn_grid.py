@@ -43,9 +43,20 @@ _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(RAY_
 class RedrawnGrid:
     """The grid used in flight, and the rays that it is drawn from."""
 
-    def __init__(self, begun: Occupancy | None = None) -> None:
-        """`begun`: initial grid; the caller must not use it further."""
+    def __init__(
+        self,
+        begun: Occupancy | None = None,
+        *,
+        moved_m: float = MOVED_M,
+        rays_per_stage: int = RAYS_PER_STAGE,
+    ) -> None:
+        """`begun`: initial grid; the caller must not use it further.
+
+        `moved_m`: larger shifts of a keyframe cause a redraw, m. `rays_per_stage`: rays between two
+        stages.
+        """
         self.grid = begun or Occupancy()
+        self._moved_m, self._rays_per_stage = moved_m, rays_per_stage
         self._canvas = self.grid
         """`grid` itself, or its replacement while that is being drawn."""
         self._drawn_rays = 0
@@ -113,7 +124,7 @@ class RedrawnGrid:
         known = min(len(keyframes), len(self._drawn))
         off = keyframes[:known] - self._drawn[:known]
         turned_rad = np.abs(wrap_rad(off[:, 2]))
-        moved = (np.hypot(off[:, 0], off[:, 1]) > MOVED_M) | (turned_rad > TURNED_RAD)
+        moved = (np.hypot(off[:, 0], off[:, 1]) > self._moved_m) | (turned_rad > TURNED_RAD)
         keyframe_of = self._rays[: self._count, _KEYFRAME]
         moved[: int(keyframe_of[0]) if self._count else known] = False  # dropped rays stay as drawn
         if not moved.any():
@@ -153,7 +164,7 @@ class RedrawnGrid:
         end = min(self._drawn_rays + RAYS_PER_PIECE, self._count)
         self._canvas.draw(_placed(self._rays[self._drawn_rays : end], self._drawn))
         self._drawn_rays = end
-        if end - self._stages[-1][0] >= RAYS_PER_STAGE:
+        if end - self._stages[-1][0] >= self._rays_per_stage:
             self._stages.append((end, PackedGrid.of(self._canvas)))
             if len(self._stages) > MAX_STAGES:
                 del self._stages[1 : MAX_STAGES // 2 : 2]  # the latest stages are the most useful

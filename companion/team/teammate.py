@@ -61,8 +61,12 @@ MAX_PENDING = 400
 """Most map pieces that wait for a missing one. Chosen: a flight of ten minutes has 300."""
 MAX_KEYFRAMES = 50_000
 """Most keyframes. Chosen: a flight of an hour has 18,000."""
-REFINE_PERIOD_S = 4.0
-"""Interval between two alignments of the maps, s. Chosen."""
+REFINE_PERIOD_S = 10.0
+"""Interval between two alignments of the maps, s. Chosen: each moves the teammate's whole map."""
+MOVED_M, RAYS_PER_STAGE = 0.1, 2000
+"""Larger shifts of a teammate's keyframe cause a redraw of its map, m, and rays between two stages
+of it. Chosen: the alignment errs by as much, and mostly moves all of the map (`redrawn_grid.py`).
+"""
 MEASURED_BEFORE_S = 1.0
 """Time of a teammate's readings on this drone's map, s: before all of its own."""
 NOTHING_SEEN = Occupancy()
@@ -114,7 +118,7 @@ class Teammate:
         self.pieces = 0
         """Number of map pieces that have arrived, from the first on."""
         self._keyframes = np.empty((0, 3))
-        self._grids: dict[int, RedrawnGrid] = {0: RedrawnGrid()}
+        self._grids: dict[int, RedrawnGrid] = {0: _new_grid()}
         """Grid of each layer in which it has been."""
         self._low = np.empty((0, 3))
         self._track: Track | None = None
@@ -165,7 +169,7 @@ class Teammate:
         known = self._keyframes[: piece.first]
         between = np.repeat(poses[:1], piece.first - len(known), axis=0)  # without rays
         self._keyframes = np.vstack([known, between, poses])
-        self._grids.setdefault(piece.layer, RedrawnGrid()).extend(rays, self._placed_keyframes())
+        self._grids.setdefault(piece.layer, _new_grid()).extend(rays, self._placed_keyframes())
 
     def hear_keyframes(self, block: Keyframes) -> None:
         """Take a corrected part of its trajectory.
@@ -388,3 +392,7 @@ class Teammate:
     def _placed_keyframes(self) -> Array:
         """(k, 3): its keyframes in this drone's frame."""
         return poses_moved_to(self.start, self._keyframes)
+
+
+def _new_grid() -> RedrawnGrid:
+    return RedrawnGrid(moved_m=MOVED_M, rays_per_stage=RAYS_PER_STAGE)

@@ -24,7 +24,6 @@ A_HIT = 0.01, True, 0.0
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
     """Memory limits as after an hour of flight."""
     monkeypatch.setattr(spaces, "MAX_RAYS", 900)
-    monkeypatch.setattr(spaces, "RAYS_PER_STAGE", 50)
 
 
 def way_north() -> np.ndarray:
@@ -36,7 +35,7 @@ def along_a_corridor() -> RedrawnGrid:
 
     Each keyframe has perpendicular and oblique hits on both walls.
     """
-    space, keyframes = RedrawnGrid(), way_north()
+    space, keyframes = RedrawnGrid(rays_per_stage=50), way_north()
     for k, (north_m, _, _) in enumerate(keyframes.tolist()):
         rays = [
             Ray((north_m, 0.0), side * math.radians(deg), 1 / math.sin(math.radians(deg)), *A_HIT)
