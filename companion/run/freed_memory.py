@@ -1,8 +1,8 @@
 """Returns freed memory to the system.
 
-The C library keeps what a process frees: a pool for each thread, and, once a large array was freed,
-all arrays of that size. The grids and matrices of a flight come in many sizes, so the pools grow by
-a tenth of the companion's memory (`benchmarks/flight/team_load.py`).
+The C library keeps what a process frees: in a pool for each thread, and, once a large array was
+freed, all arrays of that size. The grids and matrices of a flight come in many sizes, so the pools
+grow. `benchmarks/flight/team_load.py` measures a companion's memory.
 """
 
 import ctypes

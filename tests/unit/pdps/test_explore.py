@@ -6,7 +6,10 @@ from dataclasses import replace
 import pytest
 
 from companion.core.messages import HOLD
-from companion.mapping.occupancy import Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.navigation.doorway_claims import WAIT_WITHIN_M
+from companion.navigation.doorways import Doorway
+from companion.navigation.observation import Claim
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.viewpoints import Viewpoint
@@ -49,6 +52,31 @@ def test_look_ends_early_when_all_its_targets_are_seen() -> None:
     looking = Explore(look=Viewpoint((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
     explore, _ = step(looking, observation(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
+
+
+@pytest.mark.parametrize("north_m", [-1.0, 1.0])
+def test_a_drone_waits_for_its_teammates_off_the_doorway(north_m: float) -> None:
+    """The teammate looks at something elsewhere, and nothing is left for this drone."""
+    doorway = Doorway(0, (2.5, 0.0), (1.0, 0.0), 0.5)
+    elsewhere = Claim(((9.0, 9.0),), 5.0, is_extra=False, comes_first=True, from_ne_m=(8.0, 8.0))
+    here, grid = (north_m, 0.0), walled()
+    now = replace(observation(here), claims=(elsewhere,))
+    explore = Explore(ExplorePhase.CHOOSE, came=Travel(here, known=(doorway,)))
+    while explore.phase is ExplorePhase.CHOOSE:
+        explore, _ = step(explore, now, grid, PLAN)
+    assert explore.phase is ExplorePhase.WAIT
+    is_in_the_way = math.dist(here, doorway.middle_ne_m) < WAIT_WITHIN_M
+    waiting_place = explore.travel.goal_ne_m if explore.travel else explore.here_ne_m
+    assert waiting_place is not None
+    assert (explore.travel is not None) == is_in_the_way
+    assert math.dist(waiting_place, doorway.middle_ne_m) > WAIT_WITHIN_M - CELL_M
+    arrived = replace(
+        now, pose=replace(now.pose, north_m=waiting_place[0], east_m=waiting_place[1])
+    )
+    for _ in range(3):
+        explore, _ = step(explore, arrived, grid, PLAN)
+    assert explore.phase is ExplorePhase.WAIT
+    assert explore.travel is None
 
 
 def chosen(explore: Explore, grid: Occupancy) -> Explore:
