@@ -17,7 +17,7 @@ import numpy as np
 
 from companion.config.settings import Config
 from companion.core.frames import Vector2, frd_to_ned
-from companion.core.known_walls import KnownWalls
+from companion.core.known_walls import BEYOND_END_M, KnownWalls
 from companion.core.messages import Beam, Pose, RangeScan
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
@@ -140,7 +140,12 @@ class OnBoardTeam:
         )
 
     def _may_climb(self, pose: Pose, level_m: float, own: Own) -> bool:
-        """True if nothing is known near the drone that hangs too low for a climb by `PASSING_M`."""
+        """True if nothing is known near the drone that hangs too low for a climb by `PASSING_M`.
+
+        Over an opening in a wall there may be a lintel, even if no up beam has met it.
+        """
+        if own.estimator and is_in_line_with_wall(walls_of(own.estimator), pose.ne_m):
+            return False
         low_ne_m = self._lower_ne_m(own, level_m + PASSING_M + clear_of_all_m(self._mission))
         return all(math.dist(place, pose.ne_m) > CLIMB_BESIDE_M for place in low_ne_m)
 
@@ -214,3 +219,13 @@ def walls_of(estimator: Estimator | None) -> Unknowns:
         walls = estimator.walls()
         x.add_walls(walls.lines, walls.reach_m)
     return x
+
+
+def is_in_line_with_wall(known: Unknowns, place_ne_m: Vector2) -> bool:
+    """True near the line of a wall, along the wall or over an opening at its end."""
+    place = np.array(place_ne_m)
+    off_m = np.abs(known.walls[:, 1] - known.normals @ place)
+    along_m = known.tangents @ place
+    low_m, high_m = known.reach_m.T
+    is_beside = (along_m > low_m - BEYOND_END_M) & (along_m < high_m + BEYOND_END_M)
+    return bool((is_beside & (off_m < CLIMB_BESIDE_M)).any())
