@@ -61,8 +61,8 @@ MAX_PENDING = 400
 """Most map pieces that wait for a missing one. Chosen: a flight of ten minutes has 300."""
 MAX_KEYFRAMES = 50_000
 """Most keyframes. Chosen: a flight of an hour has 18,000."""
-REFINE_PERIOD_S = 10.0
-"""Interval between two alignments of the maps, s. Chosen: each moves the teammate's whole map."""
+REFINE_PERIOD_S = 4.0
+"""Interval between two alignments of the maps, s. Chosen."""
 MOVED_M, RAYS_PER_STAGE = 0.1, 2000
 """Larger shifts of a teammate's keyframe cause a redraw of its map, m, and rays between two stages
 of it. Chosen: the alignment errs by as much, and mostly moves all of the map (`redrawn_grid.py`).
