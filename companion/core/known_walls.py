@@ -75,11 +75,7 @@ class KnownWalls:
 
     def has_on_it(self, places_ne_m: Array) -> Mask:
         """(p, w): True where a place (p, 2) lies on a wall, or not far beyond its end."""
-        along_m = places_ne_m @ self.tangents.T
-        is_on: Mask = np.abs(self.distances_m(places_ne_m)) <= ON_WALL_M
-        is_on &= along_m >= self.reach_m[:, 0] - BEYOND_END_M
-        is_on &= along_m <= self.reach_m[:, 1] + BEYOND_END_M
-        return is_on
+        return beside(places_ne_m, self.normals, self.offsets_m, self.reach_m, ON_WALL_M)
 
     def measured_at_s(self, places_ne_m: Array) -> Array:
         """(p,): the last time at which the wall of each place (p, 2) was measured; -inf without."""
@@ -99,3 +95,17 @@ class KnownWalls:
         gap_m2 = variance + variance[:, None] + 2 * self.covariance_m2
         is_facing = self.normals @ self.normals.T < -math.cos(OPPOSITE_RAD)
         return np.where(is_facing, np.sqrt(np.maximum(gap_m2, 0.0)), 0.0)
+
+
+def beside(
+    places_ne_m: Array, normals: Array, offsets_m: Array, reach_m: Array, within_m: float
+) -> Mask:
+    """(p, w): True where a place (p, 2) is near a wall's line, and not far beyond the wall's end.
+
+    The walls are given as in `KnownWalls`.
+    """
+    along_m = places_ne_m @ np.column_stack([-normals[:, 1], normals[:, 0]]).T
+    is_beside: Mask = np.abs(offsets_m - places_ne_m @ normals.T) <= within_m
+    is_beside &= along_m >= reach_m[:, 0] - BEYOND_END_M
+    is_beside &= along_m <= reach_m[:, 1] + BEYOND_END_M
+    return is_beside

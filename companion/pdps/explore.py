@@ -172,9 +172,10 @@ def _wait(
 ) -> tuple[Explore, Setpoint]:
     if explore.travel is not None:
         going, setpoint = travel.step(explore.travel, observation, space, plan)
+        explore = replace(explore, travel=going)
         if going.phase in (TravelPhase.ARRIVED, TravelPhase.GAVE_UP):
-            return _waits(explore, going, observation.pose), HOLD
-        return replace(explore, travel=going), setpoint
+            return _waits(explore, observation.pose), HOLD
+        return explore, setpoint
     here = explore.here_ne_m or observation.pose.ne_m
     is_over = not is_more_expected(observation.claims)
     if is_over or observation.pose.time_s - explore.checked_s > WAIT_S:
@@ -311,22 +312,20 @@ def _arrives_in_s(ways: ShortestPaths, look: Viewpoint, plan: MissionConfig) -> 
 
 def _to_wait(explore: Explore, ways: ShortestPaths, observation: Observation) -> Explore:
     """Enters WAIT, where the drone is or at the nearest place where others can pass."""
-    last, pose = explore.travel or explore.came, observation.pose
+    pose, waits = observation.pose, _waits(explore, observation.pose)
     place = out_of_the_way(ways, explore.known_doorways)
-    waits = _waits(explore, last, pose)
     if place is None or math.dist(place, pose.ne_m) < ASIDE_M:
         return waits
-    going = onward(last, place, ARRIVED_M)
+    going = onward(explore.travel or explore.came, place, ARRIVED_M)
     return replace(waits, travel=travel.along(ways, going, observation))
 
 
-def _waits(explore: Explore, came: Travel | None, pose: Pose) -> Explore:
+def _waits(explore: Explore, pose: Pose) -> Explore:
     """Waits where the drone is."""
-    return Explore(
-        ExplorePhase.WAIT,
+    return replace(
+        _to_choose(explore, None),
+        phase=ExplorePhase.WAIT,
         here_ne_m=pose.ne_m,
-        tried=explore.tried,
-        came=came and replace(came, course=None),
         checked_s=pose.time_s,
     )
 

@@ -11,7 +11,8 @@ from contextlib import suppress
 MMAP_THRESHOLD, ARENA_MAX = -3, -8
 """Parameters of `mallopt`, glibc's malloc.h."""
 LARGE_BYTES = 256 * 1024
-"""Arrays from this size on have memory of their own, bytes. Chosen: a grid of a building."""
+"""Arrays from this size on have memory of their own, bytes. Chosen: about the size of
+a building's grid."""
 
 
 def return_freed_memory() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from companion.config.settings import Config
 from companion.core.frames import Vector2, frd_to_ned
-from companion.core.known_walls import BEYOND_END_M, KnownWalls
+from companion.core.known_walls import KnownWalls, beside
 from companion.core.messages import Beam, Pose, RangeScan
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
@@ -128,13 +128,14 @@ class OnBoardTeam:
             return around
         others_frd_m, keep_off_m = keep_off(others, pose, needs_column(flight, pose.height_m))
         level_m = flight.layers.height_m(self._mission)
-        passes = lets_pass(others, pose, level_m, passes=flight.passing is not None)
+        is_above = flight.passing is not None
+        passes = lets_pass(others, pose, level_m, passes=is_above)
         return replace(
             around,
             others_frd_m=others_frd_m,
             others_keep_off_m=keep_off_m,
             lets_pass=passes,
-            may_climb=passes and self._may_climb(pose, level_m, own),
+            may_climb=passes and not is_above and self._may_climb(pose, level_m, own),
             is_column_free=is_column_free(others, pose),
             climb_limits_m_s=climb_limits(others, pose, MAX_CLIMB_M_S, CLIMB_LAG_S),
         )
@@ -223,9 +224,6 @@ def walls_of(estimator: Estimator | None) -> Unknowns:
 
 def is_in_line_with_wall(known: Unknowns, place_ne_m: Vector2) -> bool:
     """True near the line of a wall, along the wall or over an opening at its end."""
-    place = np.array(place_ne_m)
-    off_m = np.abs(known.walls[:, 1] - known.normals @ place)
-    along_m = known.tangents @ place
-    low_m, high_m = known.reach_m.T
-    is_beside = (along_m > low_m - BEYOND_END_M) & (along_m < high_m + BEYOND_END_M)
-    return bool((is_beside & (off_m < CLIMB_BESIDE_M)).any())
+    place = np.array([place_ne_m])
+    offsets_m = known.walls[:, 1]
+    return bool(beside(place, known.normals, offsets_m, known.reach_m, CLIMB_BESIDE_M).any())

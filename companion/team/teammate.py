@@ -65,8 +65,8 @@ REFINE_PERIOD_S = 4.0
 """Interval between two alignments of the maps, s. Chosen."""
 MOVED_M, RAYS_PER_STAGE = 0.1, 2000
 """Larger shifts of a teammate's keyframe cause a redraw of its map, m, and rays between two stages
-of it. Chosen: the alignment errs by as much, and mostly moves all of the map (`redrawn_grid.py`).
-"""
+of it (`redrawn_grid.py`). Chosen: the error of the alignment is as large, and each alignment moves
+the whole map."""
 MEASURED_BEFORE_S = 1.0
 """Time of a teammate's readings on this drone's map, s: before all of its own."""
 NOTHING_SEEN = Occupancy()
