@@ -1,5 +1,7 @@
 """Decides when the drone must return, from remaining time and battery and the time to fly home.
 
+In a team a drone must also be home before one flies on that does not hear it.
+
 The path home is computed only when the result can matter. Since the last computation it has grown
 by no more than the distance flown since.
 """
@@ -129,7 +131,9 @@ def step(
     pace = reserve.pace.onward(flown_s, observation, travels=travels)
     if pace is not reserve.pace:
         reserve = replace(reserve, pace=pace)
-    left_s, why = _left_s(reserve, spent, plan)
+    parted_s = observation.home_by_s - observation.pose.time_s - plan.reserve_s
+    parted = parted_s, "before a drone flies on that does not hear this one"
+    left_s, why = min(_left_s(reserve, spent, plan), parted)
     since_s = flown_s - reserve.asked_s
     if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
         return reserve, ""

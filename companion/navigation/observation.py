@@ -135,6 +135,8 @@ class Observation:
     """True in a team if this drone has no part of the mission any more."""
     waits_for_radio: bool = False
     """True in a team if a teammate with the right of way is in the air, and not heard."""
+    home_by_s: float = math.inf
+    """Time at which the drone must be home, s: then a teammate flies on that does not hear it."""
     team_layers: TeamLayers | None = None
     """None for a drone that flies alone, and in other missions."""
 

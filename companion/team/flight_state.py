@@ -54,8 +54,13 @@ def state_of(
     *,
     battery: float | None,
     received: dict[int, int],
+    links: dict[int, int],
 ) -> State:
-    """The state of this drone. `received`: number of map pieces that it has of each teammate."""
+    """The state of this drone.
+
+    `received`: number of map pieces that it has of each teammate. `links`: number of radio links to
+    each teammate that it reaches.
+    """
     explores = flight.explores
     look = explores.look if explores and explores.phase is not ExplorePhase.DONE else None
     in_column = needs_column(flight, pose.height_m)
@@ -78,6 +83,7 @@ def state_of(
         layer_of(flight),
         tuple(sorted(flight.layers.seen)),
         _doorway_ne_m(flight, pose),
+        links,
     )
 
 

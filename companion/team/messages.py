@@ -24,7 +24,7 @@ from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.mapping.redrawn_grid import RAY_COLUMNS
 
-VERSION = 4
+VERSION = 5
 """Version of the messages; a drone drops those of another version."""
 MAX_PACKET_BYTES = 8200
 """A longer packet is dropped. Chosen: the longest message, 400 walls, has 8000 and a header."""
@@ -82,6 +82,8 @@ class State(Struct, tag="state", frozen=True, array_like=True):
     """Layers of which it knows that they were seen, also from others."""
     doorway_ne_m: Place | None
     """Middle of the doorway in which it is, or to which it comes next."""
+    links: Annotated[dict[Drone, Count], Meta(max_length=MAX_DRONES)]
+    """The drones that it reaches, also through others, and over how many radio links."""
 
 
 ON_PAD = State(
@@ -102,6 +104,7 @@ ON_PAD = State(
     layer=None,
     layers_seen=(),
     doorway_ne_m=None,
+    links={},
 )
 """State of a drone that was not heard yet: it stands on its pad."""
 

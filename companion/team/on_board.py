@@ -209,6 +209,7 @@ class OnBoardTeam:
             frd_to_ned(*own.estimator.velocity_frd_m_s, pose.yaw_rad),
             battery=battery,
             received=self.mates.received,
+            links=self.mates.links(pose.time_s),
         )
         return self.mates.tell(pose.time_s, state, own_map)
 

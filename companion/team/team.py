@@ -41,6 +41,7 @@ from companion.team.messages import (
 )
 from companion.team.pads import pad_sigma, relative_pad
 from companion.team.sharing import OwnMap, Sharing
+from companion.team.silence import Right, reached, right_to_move
 from companion.team.teammate import Heard, Teammate
 
 
@@ -55,6 +56,7 @@ class TeamView(TypedDict, total=False):
     keep_outs: tuple[KeepOut, ...]
     goes_home: bool
     waits_for_radio: bool
+    home_by_s: float
     team_layers: TeamLayers
 
 
@@ -170,9 +172,32 @@ class Team:
 
         `waits`: this drone waits, and lets all others pass. `layer`: the layer in which it is.
         """
-        everybody = (*self._mates.values(), *self._doubles.values())
-        found = (mate.drone(now_s, other_waits=waits, other_layer=layer) for mate in everybody)
+        holding = self._right_to_move(now_s).others_hold
+        everybody = [(drone in holding, mate) for drone, mate in self._mates.items()]
+        everybody += [(False, mate) for mate in self._doubles.values()]
+        found = (
+            mate.drone(now_s, holds=holds, other_waits=waits, other_layer=layer)
+            for holds, mate in everybody
+        )
         return tuple(each for each in found if each is not None)
+
+    def links(self, now_s: float) -> dict[int, int]:
+        """Number of radio links to each teammate that is reached, also through others."""
+        told = {
+            drone: mate.state.links
+            for drone, mate in self._mates.items()
+            if mate.state is not None and mate.is_heard(now_s)
+        }
+        return reached(told, self._config.drone)
+
+    def _right_to_move(self, now_s: float) -> Right:
+        """Who moves, if some do not hear each other."""
+        silences = {drone: mate.silent(now_s) for drone, mate in self._mates.items()}
+        silent = {drone: silence for drone, silence in silences.items() if silence is not None}
+        if not silent:
+            return Right()
+        flying = {drone for drone, mate in self._mates.items() if mate.is_flying}
+        return right_to_move(self._config.drone, now_s, silent, flying & self.links(now_s).keys())
 
     def heard(self, now_s: float) -> tuple[Heard, ...]:
         """The teammates whose place is known, in the order of their numbers."""
@@ -188,6 +213,7 @@ class Team:
         explorers = (mate.explorer_ne_m(now_s) for mate in self._mates.values())
         tracings = (mate.tracing(now_s) for mate in self._mates.values())
         doorways = (mate.doorway_claim(now_s, layer) for mate in self._mates.values())
+        right = self._right_to_move(now_s)
         return TeamView(
             is_in_team=any(mate.pieces for mate in self._credible),
             explorers_ne_m=tuple(each for each in explorers if each is not None),
@@ -195,7 +221,8 @@ class Team:
             tracings=tuple(each for each in tracings if each is not None),
             doorway_claims=tuple(each for each in doorways if each is not None),
             goes_home=goes_home,
-            waits_for_radio=any(mate.must_be_heard(now_s) for mate in self._mates.values()),
+            waits_for_radio=right.holds,
+            home_by_s=right.home_by_s,
         )
 
     def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:

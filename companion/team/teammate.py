@@ -36,15 +36,13 @@ from companion.team.messages import (
     unpack_floats,
     unpack_rays,
 )
+from companion.team.silence import Silent
 
 SILENT_S = 2.0
 """After this time without a state, nothing is claimed by the teammate any more, s: ten states.
 Chosen."""
 LOST_S = 10.0
 """After this time its place is unknown, s, unless it holds. Chosen."""
-HOLDS_S = 70.0
-"""Longest time for which a drone holds its place because it does not hear one with the right of
-way, s. Chosen: more than a minute."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
 TURN_SHARE = 4 / 3
@@ -255,34 +253,32 @@ class Teammate:
         """True if its place is known."""
         return now_s - self._heard_s < LOST_S
 
-    def must_be_heard(self, now_s: float) -> bool:
-        """True if this drone holds its place until it hears the teammate again."""
-        return self._comes_first and self._is_missing(now_s)
-
-    def _holds(self, now_s: float) -> bool:
-        """True if it does not hear this drone either, and holds its place."""
-        is_at_work = self.state is not None and self.state.layer is not None
-        return is_at_work and not self._comes_first and self._is_missing(now_s)
-
-    def _is_missing(self, now_s: float) -> bool:
+    @property
+    def is_flying(self) -> bool:
         """True if it was in the air, and not in its column to land, when it was heard last."""
         state = self.state
-        if state is None or not state.is_flying or (state.needs_column and state.layer is None):
-            return False
-        return SILENT_S <= now_s - self._heard_s < HOLDS_S
+        lands = state is not None and state.needs_column and state.layer is None
+        return state is not None and state.is_flying and not lands
+
+    def silent(self, now_s: float) -> Silent | None:
+        """Its silence; None while it is heard, or if it does not fly."""
+        if self.state is None or not self.is_flying or self.is_heard(now_s):
+            return None
+        return Silent(self._heard_s, self.state.layer is None)
 
     def is_heard(self, now_s: float) -> bool:
         """True if it was heard lately."""
         return now_s - self._heard_s < SILENT_S
 
     def drone(
-        self, now_s: float, *, other_waits: bool, other_layer: int | None
+        self, now_s: float, *, holds: bool, other_waits: bool, other_layer: int | None
     ) -> OtherDrone | None:
         """Where it is: on its pad until it is heard; None if it was not heard for long.
 
-        `other_waits`: this drone waits, and lets it pass. `other_layer`: this drone's layer.
+        `holds`: it holds its place. `other_waits`: this drone waits, and lets it pass.
+        `other_layer`: this drone's layer.
         """
-        if self.state is not None and not (self.is_known(now_s) or self._holds(now_s)):
+        if self.state is not None and not (self.is_known(now_s) or holds):
             return None
         state, age_s = self.state or ON_PAD, now_s - self._heard_s
         yaw_rad = float(self.start[YAW])

@@ -87,6 +87,7 @@ def state(ne_m: tuple[float, float] = (0.0, 0.0), **fields: object) -> Callable[
         "layer": 0,
         "layers_seen": (),
         "doorway_ne_m": None,
+        "links": {},
     }
     return lambda: State(**(values | fields))  # type: ignore[arg-type]
 

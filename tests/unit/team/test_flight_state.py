@@ -14,7 +14,7 @@ from companion.team.messages import State
 
 def told(phase: Phase, height_m: float) -> State:
     pose = Pose(100.0, 0.0, 0.0, -height_m, 0.0)
-    return state_of(FlightState(phase), pose, (0.0, 0.0), battery=None, received={})
+    return state_of(FlightState(phase), pose, (0.0, 0.0), battery=None, received={}, links={})
 
 
 @pytest.mark.parametrize(
@@ -47,5 +47,5 @@ def test_a_drone_that_lets_a_teammate_pass_claims_no_doorway(*, lets_pass: bool)
         passing=Passing((0.0, 0.0), 2.5) if lets_pass else None,
     )
     pose = Pose(100.0, 0.0, 0.0, -1.2, 0.0)
-    state = state_of(flight, pose, (0.0, 0.0), battery=None, received={})
+    state = state_of(flight, pose, (0.0, 0.0), battery=None, received={}, links={})
     assert state.doorway_ne_m == (None if lets_pass else doorway.middle_ne_m)

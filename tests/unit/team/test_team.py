@@ -16,8 +16,9 @@ from companion.core.frames import Vector2
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.team.messages import VERSION, Packet, Track, encode
+from companion.team.silence import HOLDS_S, LANDS_S
 from companion.team.team import Team
-from companion.team.teammate import HOLDS_S, LOST_S, SILENT_S
+from companion.team.teammate import LOST_S, SILENT_S
 from tests.unit.team.rooms import PADS, TURN_RAD_S, WALL_SIGMA_M, Member, config, state, walls_of
 
 Packets = tuple[bytes, ...]
@@ -119,19 +120,27 @@ def test_a_silent_teammate_claims_nothing_and_is_lost_in_the_end() -> None:
     assert not first.team.others(HOLDS_S + 0.1, waits=False)
 
 
-def test_of_two_drones_without_radio_the_second_holds_its_place() -> None:
-    """The first goes on, and knows where the second holds. After `HOLDS_S` both go on."""
+def test_of_two_drones_without_radio_the_second_holds_its_place_until_the_first_is_home() -> None:
     first, second = Member(1, 0), Member(2, 0)
     second.hear(0.0, first.tell(0.0))
     first.hear(0.0, second.tell(0.0))
     for now_s, holds in ((SILENT_S - 0.1, False), (LOST_S + 1, True), (HOLDS_S + 0.1, False)):
         assert not first.team.view(now_s)["waits_for_radio"]
         assert second.team.view(now_s)["waits_for_radio"] == holds
+        assert math.isinf(second.team.view(now_s)["home_by_s"])
+    assert first.team.view(LOST_S + 1)["home_by_s"] == pytest.approx(HOLDS_S)
     [other] = first.team.others(LOST_S + 1, waits=False)
     assert other.ne_m == pytest.approx((1.0, 0.5))
     assert not second.team.others(LOST_S + 1, waits=False)
     second.hear(LOST_S + 2, first.tell(LOST_S + 2))
     assert not second.team.view(LOST_S + 2)["waits_for_radio"]
+
+
+def test_nobody_leaves_its_place_before_a_silent_drone_is_home() -> None:
+    first, second = Member(1, 0), Member(2, 0)
+    first.hear(0.0, second.tell(0.0, layer=None))
+    assert first.team.view(LANDS_S - 0.1)["waits_for_radio"]
+    assert not first.team.view(LANDS_S + 0.1)["waits_for_radio"]
 
 
 @pytest.mark.parametrize("is_flying", [False, True])
