@@ -2,10 +2,10 @@
 
 A drone claims the doorway that it passes, or comes to next. Of two with the same doorway, one that
 flies home goes first: it leaves the room to the other. Else the nearer one does, or the one with
-the lower number if both are as near. The other waits before the doorway, in the open, where it can
-let the first pass. A drone that cannot go on, and looks for another way, has no claim: others may
-be in its way because they wait for it. Nor has a drone that lets a teammate pass below: that one
-may wait for the same doorway.
+the lower number if both are as near. The other waits before the doorway. It goes back first if it
+is so near that the one that comes through could not leave the doorway. A drone that cannot go on,
+and looks for another way, has no claim: others may be in its way because they wait for it. Nor has
+a drone that lets a teammate pass below: that one may wait for the same doorway.
 """
 
 import math
@@ -20,6 +20,7 @@ from companion.navigation.doorways import AWAY_M, DOORWAY_ROOM_M, SAME_WITHIN_M,
 from companion.navigation.grid_planner import ShortestPaths
 from companion.navigation.observation import DoorwayClaim, Observation
 from companion.navigation.travel_state import Travel, TravelPhase
+from companion.safety.separation import YIELD_M
 
 CLAIM_WITHIN_M, WAIT_WITHIN_M = 3.0, 2.0
 """A doorway is claimed from the first distance on, and a drone waits from the second on, m. Chosen:
@@ -28,7 +29,11 @@ AS_NEAR_M = 0.3
 """Two drones are as near to a doorway within this difference, m. Chosen: beyond the errors of the
 alignment of their maps."""
 INSIDE_M = AWAY_M - AS_NEAR_M
-"""A drone that may wait at `AWAY_M` is in the doorway within this distance of its middle, m."""
+"""A drone is in the doorway within this distance of its middle, m. All drones judge by it, those
+that come first and those that wait."""
+OFF_M = AWAY_M + YIELD_M
+"""A drone that waits keeps so far off the doorway's middle, m: then the other one can leave it, and
+has room for a turn."""
 MAX_WAIT_S = 30.0
 """Longest time of waiting at a doorway, s. Chosen: several times that of a passage. Then the drone
 goes on, and keeps off the other as everywhere."""
@@ -49,14 +54,13 @@ def waiting(travel: Travel, observation: Observation) -> Travel:
     """The journey, with the place where the drone waits if the doorway ahead is another's."""
     here, now_s = observation.pose.ne_m, observation.pose.time_s
     doorway = claimed(travel, here) if observation.doorway_claims else None
-    is_waiting = travel.waits_at_ne_m is not None
-    if doorway is None or not _is_others(doorway, observation, is_waiting=is_waiting):
+    if doorway is None or not _is_others(doorway, observation):
         if travel.waits_since_s == math.inf:
             return travel
         return replace(travel, waits_at_ne_m=None, waits_since_s=math.inf)
     since_s = min(travel.waits_since_s, now_s)
     may_wait = now_s - since_s <= MAX_WAIT_S
-    at_ne_m = (travel.waits_at_ne_m or here) if may_wait else None
+    at_ne_m = (travel.waits_at_ne_m or _off(doorway, here)) if may_wait else None
     if at_ne_m is None:
         return replace(travel, waits_at_ne_m=None, waits_since_s=since_s)
     return replace(
@@ -81,25 +85,39 @@ def out_of_the_way(ways: ShortestPaths, doorways: Sequence[Doorway]) -> Vector2 
     return grid.place((row, column))
 
 
-def _is_others(doorway: Doorway, observation: Observation, *, is_waiting: bool) -> bool:
+def _off(doorway: Doorway, here: Vector2) -> Vector2:
+    """The place where the drone waits: straight back from where it is, if it is too near."""
+    away_m = math.dist(here, doorway.middle_ne_m)
+    if away_m >= OFF_M:
+        return here
+    share = OFF_M / away_m
+    middle = doorway.middle_ne_m
+    return middle[0] + share * (here[0] - middle[0]), middle[1] + share * (here[1] - middle[1])
+
+
+def _is_others(doorway: Doorway, observation: Observation) -> bool:
     """True if the drone is before the doorway, and a teammate goes first."""
-    away_m = math.dist(observation.pose.ne_m, doorway.middle_ne_m)
-    from_m = INSIDE_M if is_waiting else AWAY_M  # it drifts while it waits
-    if not from_m < away_m < WAIT_WITHIN_M:
+    here = observation.pose.ne_m
+    is_before = doorway.along_m(here) < -INSIDE_M
+    if not is_before or math.dist(here, doorway.middle_ne_m) >= WAIT_WITHIN_M:
         return False
     return any(
-        _goes_first(claim, away_m, goes_home=observation.goes_home)
+        _goes_first(claim, doorway, here, goes_home=observation.goes_home)
         for claim in observation.doorway_claims
         if math.dist(claim.middle_ne_m, doorway.middle_ne_m) < SAME_WITHIN_M
     )
 
 
-def _goes_first(claim: DoorwayClaim, away_m: float, *, goes_home: bool) -> bool:
-    """True if a teammate goes before this drone, which is `away_m` before the doorway.
+def _goes_first(claim: DoorwayClaim, doorway: Doorway, here: Vector2, *, goes_home: bool) -> bool:
+    """True if a teammate goes before this drone, which is before the doorway.
 
-    A teammate in the doorway goes first in any case.
+    One in the doorway goes first in any case, and one that has just left it towards this drone.
     """
-    if claim.goes_home != goes_home:
-        return claim.goes_home or claim.away_m < INSIDE_M
+    away_m = math.dist(here, doorway.middle_ne_m)
     is_nearer = claim.away_m < away_m - AS_NEAR_M
+    is_on_this_side = doorway.along_m(claim.at_ne_m) < 0
+    if claim.away_m < INSIDE_M or (is_nearer and is_on_this_side):
+        return True
+    if claim.goes_home != goes_home:
+        return claim.goes_home
     return is_nearer or (claim.comes_first and claim.away_m < away_m + AS_NEAR_M)

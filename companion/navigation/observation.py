@@ -58,11 +58,16 @@ class DoorwayClaim:
     """The doorway in which a teammate is, or to which it comes next."""
 
     middle_ne_m: Vector2
-    away_m: float
-    """Distance of the teammate from its middle, m."""
+    at_ne_m: Vector2
+    """Where the teammate is."""
     comes_first: bool
     goes_home: bool = False
     """It has no part of the mission any more."""
+
+    @property
+    def away_m(self) -> float:
+        """Distance of the teammate from the middle of the doorway, m."""
+        return math.dist(self.at_ne_m, self.middle_ne_m)
 
 
 @value

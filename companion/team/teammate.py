@@ -342,9 +342,8 @@ class Teammate:
             return None
         if state.doorway_ne_m is None or state.layer not in (None, layer):
             return None
-        away_m = math.dist(state.ne_m, state.doorway_ne_m)
-        middle_ne_m = self._in_own_frame(state.doorway_ne_m)
-        return DoorwayClaim(middle_ne_m, away_m, self._comes_first, state.layer is None)
+        middle, here = map(self._in_own_frame, (state.doorway_ne_m, state.ne_m))
+        return DoorwayClaim(middle, here, self._comes_first, state.layer is None)
 
     def claim(self, now_s: float, layer: int) -> Claim | None:
         """What it goes to look at in a layer; None if nothing, or if it is not heard any more."""

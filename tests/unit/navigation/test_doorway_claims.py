@@ -12,6 +12,7 @@ from companion.mapping.occupancy import CELL_M
 from companion.navigation import travel as travelling
 from companion.navigation.doorway_claims import (
     MAX_WAIT_S,
+    OFF_M,
     WAIT_WITHIN_M,
     claimed,
     out_of_the_way,
@@ -39,32 +40,39 @@ def waits(travel: Travel, seen: Observation) -> bool:
     return waiting(travel, seen).waits_at_ne_m is not None
 
 
-@given(st.floats(0.8, 1.95), st.floats(0.0, 2.9), st.booleans())
+def claim(north_m: float, *, comes_first: bool = False, goes_home: bool = False) -> DoorwayClaim:
+    """Of a teammate in line with the doorway."""
+    return DoorwayClaim(DOORWAY.middle_ne_m, (north_m, 0.0), comes_first, goes_home)
+
+
+@given(st.floats(0.45, 1.95), st.floats(0.0, 2.9), st.booleans())
 def test_one_of_two_drones_waits_and_the_other_goes(
     before_m: float, beyond_m: float, first_has_priority: bool
 ) -> None:
-    first = DoorwayClaim((3.0, 0.0), before_m, first_has_priority)
-    second = DoorwayClaim((3.1, 0.1), beyond_m, not first_has_priority)
-    first_waits = waits(THERE, at(3.0 - before_m, second))
-    second_waits = waits(BACK, at(3.0 + beyond_m, first))
+    """Also if both are so near that none can leave the doorway past the other."""
+    south_m, north_m = 3.0 - before_m, 3.0 + beyond_m
+    first_waits = waits(THERE, at(south_m, claim(north_m, comes_first=not first_has_priority)))
+    second_waits = waits(BACK, at(north_m, claim(south_m, comes_first=first_has_priority)))
     assert not (first_waits and second_waits)
-    if 0.8 < beyond_m < 1.95:
+    if beyond_m < 1.95:
         assert first_waits or second_waits
 
 
-@given(st.floats(0.8, 1.95), st.floats(0.8, 1.95), st.booleans())
+@given(st.floats(0.45, 1.95), st.floats(0.45, 1.95), st.booleans())
 def test_a_drone_that_flies_home_goes_first(
     before_m: float, beyond_m: float, first_has_priority: bool
 ) -> None:
-    first = DoorwayClaim((3.0, 0.0), before_m, first_has_priority, goes_home=True)
-    second = DoorwayClaim((3.0, 0.0), beyond_m, not first_has_priority)
-    assert not waits(THERE, replace(at(3.0 - before_m, second), goes_home=True))
-    assert waits(BACK, at(3.0 + beyond_m, first))
+    south_m, north_m = 3.0 - before_m, 3.0 + beyond_m
+    homeward = at(south_m, claim(north_m, comes_first=not first_has_priority))
+    assert not waits(THERE, replace(homeward, goes_home=True))
+    assert waits(BACK, at(north_m, claim(south_m, comes_first=first_has_priority, goes_home=True)))
 
 
-def test_a_drone_that_flies_home_waits_for_one_in_the_doorway() -> None:
-    inside = DoorwayClaim((3.0, 0.0), 0.2, comes_first=False)
-    assert waits(THERE, replace(at(1.5, inside), goes_home=True))
+@pytest.mark.parametrize("north_m", [2.8, 3.2, 2.4])
+def test_a_drone_that_flies_home_waits_for_one_in_the_doorway_or_just_out_of_it(
+    north_m: float,
+) -> None:
+    assert waits(THERE, replace(at(1.5, claim(north_m)), goes_home=True))
 
 
 def test_a_drone_that_looks_for_its_way_claims_no_doorway() -> None:
@@ -72,30 +80,32 @@ def test_a_drone_that_looks_for_its_way_claims_no_doorway() -> None:
     assert claimed(replace(THERE, phase=TravelPhase.SWEEP), (2.0, 0.0)) is None
 
 
-def test_a_drone_waits_at_its_place_until_the_other_has_passed() -> None:
-    inside = DoorwayClaim((3.0, 0.0), 0.2, comes_first=False)
-    travel, _ = travelling.step(THERE, at(1.5, inside), open_ground(), PLAN)
-    assert travel.waits_at_ne_m == (1.5, 0.0)
-    _, setpoint = travelling.step(travel, at(1.7, inside, time_s=1.0), open_ground(), PLAN)
-    assert setpoint.forward_m_s < 0  # it has drifted towards the doorway
+@pytest.mark.parametrize("north_m", [1.5, 2.4])
+def test_a_drone_waits_off_the_doorway_until_the_other_has_passed(north_m: float) -> None:
+    """It goes straight back to where the other has room to leave the doorway."""
+    inside = claim(3.1)
+    travel, setpoint = travelling.step(THERE, at(north_m, inside), open_ground(), PLAN)
+    assert setpoint.forward_m_s < 0
+    assert travel.waits_at_ne_m == pytest.approx((3.0 - OFF_M, 0.0))
     assert not waits(travel, at(1.5, time_s=2.0))
 
 
 def test_a_drone_does_not_wait_for_ever() -> None:
     """The other may be stuck in the doorway."""
-    stuck = DoorwayClaim((3.0, 0.0), 0.2, comes_first=True)
+    stuck = claim(3.2, comes_first=True)
     travel = waiting(THERE, at(1.5, stuck))
     assert waits(travel, at(1.5, stuck, time_s=MAX_WAIT_S - 1))
     assert not waits(travel, at(1.5, stuck, time_s=MAX_WAIT_S + 1))
 
 
-@pytest.mark.parametrize("north_m", [0.5, 2.5, 3.5])
-def test_a_drone_waits_neither_far_away_nor_in_the_doorway(north_m: float) -> None:
-    assert not waits(THERE, at(north_m, DoorwayClaim((3.0, 0.0), 0.1, comes_first=True)))
+@pytest.mark.parametrize("north_m", [0.5, 2.7, 3.5])
+def test_a_drone_waits_neither_far_away_nor_in_the_doorway_nor_behind_it(north_m: float) -> None:
+    assert not waits(THERE, at(north_m, claim(3.1, comes_first=True)))
 
 
 def test_another_doorway_is_free() -> None:
-    assert not waits(THERE, at(1.5, DoorwayClaim((3.0, 2.0), 0.1, comes_first=True)))
+    there = DoorwayClaim((3.0, 2.0), (3.1, 2.0), comes_first=True)
+    assert not waits(THERE, at(1.5, there))
 
 
 def test_a_doorway_that_was_passed_is_not_claimed() -> None:
