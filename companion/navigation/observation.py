@@ -142,6 +142,8 @@ class Observation:
     """True in a team if a teammate with the right of way is in the air, and not heard."""
     home_by_s: float = math.inf
     """Time at which the drone must be home, s: then a teammate flies on that does not hear it."""
+    is_contradicted: bool = False
+    """True in a team if the drone must land because its map contradicts those of others."""
     team_layers: TeamLayers | None = None
     """None for a drone that flies alone, and in other missions."""
 

@@ -1,4 +1,4 @@
-"""Decides who flies on when drones of a team do not hear each other.
+"""Decides who flies on when drones of a team do not know where the others are.
 
 A silent drone may have crashed, may be out of range, or may fly on with a broken radio: nobody can
 tell. Nobody knows where it is, and four beams do not see another drone in time. So of two drones
@@ -10,6 +10,10 @@ that do not hear each other only one may move:
     those that reach each other are more         ─► they fly on, and those that are cut off hold
 
 A drone on its way home does not hold: the others hold until it must be down.
+
+The same holds for drones whose maps contradict each other, because one is not on its pad, or its
+estimate is wrong: nobody knows where the other one is. They can tell each other, so who has not the
+right to move lands at once.
 """
 
 import math
@@ -87,3 +91,14 @@ def right_to_move(
             others_hold |= {number} if age_s < HOLDS_S else set()
             home_by_s = min(home_by_s, other.since_s + HOLDS_S) if by_number else home_by_s
     return Right(holds, home_by_s, frozenset(others_hold))
+
+
+def must_land(own: int, agree: Collection[int], contradict: Collection[int]) -> bool:
+    """True if this drone lands because its map contradicts those of others.
+
+    `own`: its number. `agree`, `contradict`: the drones in the air, by their maps.
+    """
+    together = {own, *agree}
+    if len(together) == len(contradict):
+        return min(contradict) < min(together)
+    return len(together) < len(contradict)

@@ -41,7 +41,7 @@ from companion.team.messages import (
 )
 from companion.team.pads import pad_sigma, relative_pad
 from companion.team.sharing import OwnMap, Sharing
-from companion.team.silence import Right, reached, right_to_move
+from companion.team.silence import Right, must_land, reached, right_to_move
 from companion.team.teammate import Heard, Teammate
 
 
@@ -57,6 +57,7 @@ class TeamView(TypedDict, total=False):
     goes_home: bool
     waits_for_radio: bool
     home_by_s: float
+    is_contradicted: bool
     team_layers: TeamLayers
 
 
@@ -199,6 +200,17 @@ class Team:
         flying = {drone for drone, mate in self._mates.items() if mate.is_flying}
         return right_to_move(self._config.drone, now_s, silent, flying & self.links(now_s).keys())
 
+    def _is_contradicted(self, now_s: float) -> bool:
+        """True if this drone must land because its map contradicts those of others."""
+        flying = [
+            (drone, mate.is_credible)
+            for drone, mate in self._mates.items()
+            if mate.is_flying and mate.is_heard(now_s)
+        ]
+        agree = [drone for drone, is_credible in flying if is_credible]
+        contradict = [drone for drone, is_credible in flying if not is_credible]
+        return must_land(self._config.drone, agree, contradict)
+
     def heard(self, now_s: float) -> tuple[Heard, ...]:
         """The teammates whose place is known, in the order of their numbers."""
         heard = (mate.heard(now_s, drone) for drone, mate in self._mates.items())
@@ -223,6 +235,7 @@ class Team:
             goes_home=goes_home,
             waits_for_radio=right.holds,
             home_by_s=right.home_by_s,
+            is_contradicted=self._is_contradicted(now_s),
         )
 
     def layers(self, now_s: float, space: Callable[[int], Occupancy]) -> TeamLayers:

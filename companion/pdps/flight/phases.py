@@ -15,6 +15,7 @@
 
     the missions, in a team:       a teammate with the right of way is
                                    not heard                           ─► the drone holds its place
+    every phase at height, in a team: the map contradicts the others'   ─► DIVERT or LAND
     the missions and orders, HOME: time or battery limit, no path home  ─► DIVERT if there is
                                                                            floor nearby, or LAND
     DIVERT:                        over floor that it has flown over    ─► DESCEND
@@ -102,6 +103,8 @@ ABOVE_LEVEL_M = 0.2
 """Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
 AT_EDGE_M = 0.1
 """So near to the fence a scan of a room ends, m. Chosen: the guard hardly lets it go on."""
+CONTRADICTED = "its map contradicts that of another drone: is each on its own pad?"
+"""Why a drone of a team lands, although it could fly on."""
 BEYOND_FENCE = "the walls lead beyond mission.max_distance_m; exploring what is within it"
 """Notice when a scan of a room ends at the fence."""
 
@@ -323,6 +326,8 @@ def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fli
     if flight.diversion is None and view.time_s - flight.began_s > plan.time_limit_s:
         why = f"time limit of {plan.time_limit_s:.0f} s reached"
         return land_elsewhere(flight, view, plan, why)
+    if flight.diversion is None and view.observation.is_contradicted:
+        return land_elsewhere(flight, view, plan, CONTRADICTED)
     if view.fault is not None and flight.phase is not Phase.HOLD:
         held = replace(flight, held_from=flight.phase, held_trouble=flight.trouble)
         return go(held, Phase.HOLD, view, view.fault.text)

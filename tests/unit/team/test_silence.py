@@ -1,4 +1,4 @@
-"""Tests who moves when drones of a team do not hear each other."""
+"""Tests who moves when drones of a team do not know where the others are."""
 
 from collections.abc import Set
 from itertools import combinations
@@ -6,7 +6,15 @@ from itertools import combinations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.team.silence import HOLDS_S, LANDS_S, Right, Silent, reached, right_to_move
+from companion.team.silence import (
+    HOLDS_S,
+    LANDS_S,
+    Right,
+    Silent,
+    must_land,
+    reached,
+    right_to_move,
+)
 
 Pair = tuple[int, int]
 
@@ -80,3 +88,24 @@ def test_a_drone_waits_for_one_that_flies_home_until_it_must_be_down() -> None:
     silent = {2: Silent(0.0, goes_home=True)}
     assert right_to_move(1, LANDS_S - 1, silent, ()).holds
     assert not right_to_move(1, LANDS_S + 1, silent, ()).holds
+
+
+def test_of_two_drones_whose_maps_contradict_each_other_the_second_lands() -> None:
+    assert not must_land(1, (), {2})
+    assert must_land(2, (), {1})
+
+
+@given(st.integers(2, 6), st.data())
+def test_the_drone_that_contradicts_all_others_lands_and_they_fly_on(
+    drones: int, data: st.DataObject
+) -> None:
+    wrong = data.draw(st.integers(1, drones)) if drones > 2 else 2
+    others = set(range(1, drones + 1)) - {wrong}
+    assert must_land(wrong, (), others)
+    for own in others:
+        assert not must_land(own, others - {own}, {wrong})
+
+
+def test_a_drone_that_agrees_with_all_flies_on() -> None:
+    assert not must_land(2, {1, 3}, ())
+    assert not must_land(1, (), ())

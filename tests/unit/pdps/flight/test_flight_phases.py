@@ -111,6 +111,15 @@ def test_a_drone_on_its_way_home_waits_for_nobody() -> None:
     assert "not heard" not in flight.activity
 
 
+@pytest.mark.parametrize("phase", [Phase.BUILDING, Phase.HOME])
+def test_a_drone_whose_map_contradicts_that_of_its_team_lands(phase: Phase) -> None:
+    seen = view()
+    seen = replace(seen, observation=replace(seen.observation, is_contradicted=True))
+    flight, _ = step(flying(phase), seen, PLAN)
+    assert flight.phase in (Phase.DIVERT, Phase.DESCEND, Phase.LAND)
+    assert "on its own pad" in flight.trouble
+
+
 def test_a_pause_is_no_time_without_progress() -> None:
     """The drone is on its way to a viewpoint when it holds for a minute."""
     travel = Travel((3.0, 1.0), progress_s=99.0, progress_ne_m=(1.0, 1.0))
