@@ -70,6 +70,13 @@ class OtherDrone:
     """It climbs or descends: the space above and below it must be free."""
     has_right_of_way: bool
     """By the order of the drones' numbers."""
+    stopped_within_m: float = 0.0
+    """A drone that is not heard any more has stopped within this distance of its place, m."""
+
+    @property
+    def off_m(self) -> float:
+        """How far it may be from its place, m."""
+        return self.sigma_m + self.stopped_within_m
 
 
 @value
@@ -126,7 +133,7 @@ def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tu
     near = _at_height(others, pose, needs_column)
     places = np.array([each.ne_m for each in near]).reshape(-1, 2) - pose.ne_m
     distances = [
-        (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.sigma_m for each in near
+        (YIELD_M if _must_yield(each, needs_column) else KEEP_OFF_M) + each.off_m for each in near
     ]
     return points_to_frd(places, pose.yaw_rad), np.array(distances)
 
@@ -134,7 +141,7 @@ def keep_off(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tu
 def keep_outs(others: Sequence[OtherDrone], pose: Pose, needs_column: bool) -> tuple[KeepOut, ...]:
     """Places of the teammates near the drone to which it gives way."""
     return tuple(
-        KeepOut(each.ne_m, YIELD_M + each.sigma_m)
+        KeepOut(each.ne_m, YIELD_M + each.off_m)
         for each in _at_height(others, pose, needs_column)
         if _must_yield(each, needs_column) and math.dist(each.ne_m, pose.ne_m) < ROUND_WITHIN_M
     )
@@ -170,7 +177,7 @@ def lets_pass(others: Sequence[OtherDrone], pose: Pose, level_m: float, *, passe
         and each.is_flying
         and not each.needs_column
         and abs(each.height_m - level_m) < MIN_VERTICAL_M
-        and math.dist(each.ne_m, pose.ne_m) < within_m + each.sigma_m
+        and math.dist(each.ne_m, pose.ne_m) < within_m + each.off_m
         for each in others
     )
 
@@ -178,7 +185,7 @@ def lets_pass(others: Sequence[OtherDrone], pose: Pose, level_m: float, *, passe
 def is_column_free(others: Sequence[OtherDrone], pose: Pose) -> bool:
     """True if no teammate flies near the column above the drone."""
     return not any(
-        each.is_flying and math.dist(each.ne_m, pose.ne_m) < KEEP_OFF_M + each.sigma_m
+        each.is_flying and math.dist(each.ne_m, pose.ne_m) < KEEP_OFF_M + each.off_m
         for each in others
     )
 
@@ -189,7 +196,7 @@ def climb_limits(
     """Least and greatest down velocity, m/s, with which the drone stays clear in height."""
     up_m_s = down_m_s = max_climb_m_s
     for other in others:
-        is_near = math.dist(other.ne_m, pose.ne_m) <= YIELD_M + other.sigma_m
+        is_near = math.dist(other.ne_m, pose.ne_m) <= YIELD_M + other.off_m
         if not (is_near and other.is_flying):
             continue
         apart_m = other.height_m - pose.height_m

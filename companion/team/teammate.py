@@ -43,6 +43,10 @@ SILENT_S = 2.0
 Chosen."""
 LOST_S = 10.0
 """After this time its place is unknown, s, unless it holds. Chosen."""
+STOPS_WITHIN_M = 0.5
+"""A silent drone has stopped within this distance of the place to which it would have flown by its
+velocity when it was heard last, m. Chosen: it holds its place after `SILENT_S` at up to 1 m/s, and
+drifts. In one flight it was 0.5 m off."""
 SIGMA_M = 0.1
 """Error of a teammate's place relative to this drone once the maps are aligned, m. Chosen."""
 TURN_SHARE = 4 / 3
@@ -300,6 +304,7 @@ class Teammate:
             state.is_flying,
             state.needs_column,
             self._has_right_of_way(state, other_waits, other_layer),
+            STOPS_WITHIN_M if age_s > SILENT_S and self.state is not None else 0.0,
         )
 
     def heard(self, now_s: float, drone: int) -> Heard | None:

@@ -15,7 +15,8 @@
 
     the missions, in a team:       a teammate with the right of way is
                                    not heard                           ─► the drone holds its place
-    every phase at height, in a team: the map contradicts the others'   ─► DIVERT or LAND
+    every phase at height, in a team: the map contradicts the others',
+                                   or it is time for another to fly on ─► DIVERT or LAND
     the missions and orders, HOME: time or battery limit, no path home  ─► DIVERT if there is
                                                                            floor nearby, or LAND
     DIVERT:                        over floor that it has flown over    ─► DESCEND
@@ -103,8 +104,8 @@ ABOVE_LEVEL_M = 0.2
 """Above the height of the layer by more than this, the drone does not fly on, m. Chosen."""
 AT_EDGE_M = 0.1
 """So near to the fence a scan of a room ends, m. Chosen: the guard hardly lets it go on."""
-CONTRADICTED = "its map contradicts that of another drone: is each on its own pad?"
-"""Why a drone of a team lands, although it could fly on."""
+LANDING_SHARE = 0.5
+"""Share of `mission.reserve_s` in which a drone can land. Chosen: 10 s by default."""
 BEYOND_FENCE = "the walls lead beyond mission.max_distance_m; exploring what is within it"
 """Notice when a scan of a room ends at the fence."""
 
@@ -326,12 +327,21 @@ def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fli
     if flight.diversion is None and view.time_s - flight.began_s > plan.time_limit_s:
         why = f"time limit of {plan.time_limit_s:.0f} s reached"
         return land_elsewhere(flight, view, plan, why)
-    if flight.diversion is None and view.observation.is_contradicted:
-        return land_elsewhere(flight, view, plan, CONTRADICTED)
+    if flight.diversion is None and (why := _must_land_for_the_team(view, plan)):
+        return land_elsewhere(flight, view, plan, why)
     if view.fault is not None and flight.phase is not Phase.HOLD:
         held = replace(flight, held_from=flight.phase, held_trouble=flight.trouble)
         return go(held, Phase.HOLD, view, view.fault.text)
     return _with_the_battery(flight, view, plan)
+
+
+def _must_land_for_the_team(view: TickInput, plan: MissionConfig) -> str:
+    """Why a drone lands wherever it is, although it could fly on; empty without a reason."""
+    if view.observation.is_contradicted:
+        return "its map contradicts that of another drone: is each on its own pad?"
+    if view.time_s > view.observation.home_by_s - LANDING_SHARE * plan.reserve_s:
+        return "it is not home, and a drone flies on that does not hear it"
+    return ""
 
 
 def _with_the_battery(

@@ -131,6 +131,8 @@ def test_of_two_drones_without_radio_the_second_holds_its_place_until_the_first_
     assert first.team.view(LOST_S + 1)["home_by_s"] == pytest.approx(HOLDS_S)
     [other] = first.team.others(LOST_S + 1, waits=False)
     assert other.ne_m == pytest.approx((1.0, 0.5))
+    [heard] = first.team.others(SILENT_S - 0.1, waits=False)
+    assert other.off_m > heard.off_m + 0.4  # it has flown on for a while, and drifts
     assert not second.team.others(LOST_S + 1, waits=False)
     second.hear(LOST_S + 2, first.tell(LOST_S + 2))
     assert not second.team.view(LOST_S + 2)["waits_for_radio"]

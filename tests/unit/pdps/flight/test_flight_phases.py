@@ -120,6 +120,15 @@ def test_a_drone_whose_map_contradicts_that_of_its_team_lands(phase: Phase) -> N
     assert "on its own pad" in flight.trouble
 
 
+def test_a_drone_that_is_not_home_in_time_lands_before_another_one_flies_on() -> None:
+    seen = view()
+    late_s = seen.time_s + 0.4 * PLAN.reserve_s
+    late = replace(seen, observation=replace(seen.observation, home_by_s=late_s))
+    flight, _ = step(flying(Phase.HOME), late, PLAN)
+    assert flight.phase in (Phase.DIVERT, Phase.DESCEND, Phase.LAND)
+    assert "not home" in flight.trouble
+
+
 def test_a_pause_is_no_time_without_progress() -> None:
     """The drone is on its way to a viewpoint when it holds for a minute."""
     travel = Travel((3.0, 1.0), progress_s=99.0, progress_ne_m=(1.0, 1.0))
