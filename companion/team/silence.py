@@ -78,18 +78,16 @@ def right_to_move(
     holds, home_by_s, others_hold = False, math.inf, set[int]()
     for number, other in silent.items():
         age_s = now_s - other.since_s
-        by_number = is_even or number in together
-        if not by_number:
-            comes_first = len(together) > len(cut_off)
-        else:
-            comes_first = own < number if number in together else min(together) < min(cut_off)
+        is_reached = number in together
+        comes_first = own < number if is_reached else _comes_first(together, cut_off)
+        by_turns = is_reached or is_even
         if other.goes_home:
             holds |= age_s < LANDS_S
         elif not comes_first:
-            holds |= age_s < HOLDS_S or not by_number
+            holds |= age_s < HOLDS_S or not by_turns
         else:
             others_hold |= {number} if age_s < HOLDS_S else set()
-            home_by_s = min(home_by_s, other.since_s + HOLDS_S) if by_number else home_by_s
+            home_by_s = min(home_by_s, other.since_s + HOLDS_S) if by_turns else home_by_s
     return Right(holds, home_by_s, frozenset(others_hold))
 
 
@@ -98,7 +96,14 @@ def must_land(own: int, agree: Collection[int], contradict: Collection[int]) -> 
 
     `own`: its number. `agree`, `contradict`: the drones in the air, by their maps.
     """
-    together = {own, *agree}
-    if len(together) == len(contradict):
-        return min(contradict) < min(together)
-    return len(together) < len(contradict)
+    return not _comes_first({own, *agree}, contradict)
+
+
+def _comes_first(group: Collection[int], other: Collection[int]) -> bool:
+    """True if a group of drones flies on, and the other one does not.
+
+    The larger one does, or that with the lowest number if both are as large.
+    """
+    if len(group) != len(other):
+        return len(group) > len(other)
+    return min(group) < min(other)

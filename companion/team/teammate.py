@@ -261,8 +261,9 @@ class Teammate:
     def is_flying(self) -> bool:
         """True if it was in the air, and not in its column to land, when it was heard last."""
         state = self.state
-        lands = state is not None and state.needs_column and state.layer is None
-        return state is not None and state.is_flying and not lands
+        if state is None or not state.is_flying:
+            return False
+        return not (state.needs_column and state.layer is None)
 
     def silent(self, now_s: float) -> Silent | None:
         """Its silence; None while it is heard, or if it does not fly."""
